@@ -1,8 +1,9 @@
 """Estimators at equal noise: interpolate the lag between two settings of a tuning parameter.
 
-One of the two settings has less noise than a reference, the other has more. The lag is interpolated
-linearly in the logarithms. If all settings have more noise than the reference (or all have less),
-the nearest setting gives a one-sided bound on the lag.
+One of the two settings is quieter than a reference, and the other is noisier. The logarithm of the
+lag is interpolated linearly as a function of the logarithm of the noise. If all settings are
+noisier than the reference (or all are quieter), the lag at the nearest setting is a one-sided bound
+on the lag at equal noise.
 """
 
 from __future__ import annotations
@@ -25,7 +26,8 @@ from flexaxis.sim.scenario import Scenario
 Array = NDArray[np.float64]
 Noise = Literal["std", "excess"]
 SPREADS = {"std": ("bias", "lost_before"), "std_after": ("bias_after", "lost_after")}
-"""Each standard deviation with two other scores: its mean, and whether the run had diverged."""
+"""Two further scores for each standard deviation: the mean error over the same samples, and whether
+the run diverged before the end of these samples."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,9 +39,9 @@ class Setting:
     text : str
         Estimator as for `--estimator`.
     factor : float
-        Tuning parameter relative to its default.
+        Position of the tuning parameter relative to its default.
     rows : DataFrame
-        Scores, one row per seed in the order of seeds. All settings have the same seeds.
+        Scores, with one row per seed, sorted by seed. All settings have the same seeds.
     biases : ndarray (n, p)
         Biases of the parameters of the scenario's `identify` [% of nominal].
     information : ndarray (p, p) or None
@@ -56,14 +58,14 @@ class Setting:
     def of(
         text: str, factor: float, frame: pd.DataFrame, parameter: str, scenario: Scenario
     ) -> Setting:
-        """Return a setting from the rows of its runs, one per seed and parameter."""
+        """Return a setting, given the rows of its runs with one row per seed and parameter."""
         wide = frame.pivot(index="seed", columns="parameter", values="bias")
         biases = wide.reindex(columns=list(scenario.identify)).fillna(0.0).to_numpy(float)
         rows = frame[frame["parameter"] == parameter].sort_values("seed")
         return Setting(text, factor, rows, biases, information(scenario))
 
     def array(self, name: str, runs: Any = slice(None)) -> Array:
-        """Return a score for each run (n,), with NaN where it is undefined."""
+        """Return a score for each run (n,), with NaN where the score is undefined."""
         return self.rows[name].to_numpy(float)[runs]
 
     def log(self, name: str, runs: Any = slice(None)) -> float:
@@ -85,7 +87,7 @@ class Setting:
         return float(np.log(np.maximum(each, FLOOR)).mean())
 
     def at(self, name: str) -> Array | None:
-        """Return jackknife values (n,) of the log of a score, or None if a run has no score."""
+        """Return jackknife values (n,) of the log of a score; None if any run lacks the score."""
         if np.isnan(self.array(name)).any():
             return None
         return pseudo_values(lambda runs: self.log(name, runs), len(self.rows))
@@ -98,11 +100,12 @@ class Match:
     Attributes
     ----------
     how : {"matched", "quieter", "noisier"}
-        "matched" if the noise can be equal; "quieter" or "noisier" if the noise of all settings is
-        below or above the noise of the reference.
+        "matched" if the noise of the reference lies between the noise of two settings; "quieter" or
+        "noisier" if the noise of all settings is below or above the noise of the reference.
     sides : tuple of Setting
         The two settings between which the match lies, or the nearest setting.
     reference : Setting
+        Setting of the reference.
     kind : {"std", "excess"}
         Measure of the noise.
     """
@@ -129,10 +132,10 @@ class Match:
     def at(self, name: str) -> Array | None:
         """Return jackknife values (n,) of the log of a score at the match, one per seed.
 
-        The mean of the values is the estimate, and the values of two estimators are paired. The
-        position of the match between the two settings is estimated from the same runs; the
-        jackknife includes this uncertainty. The result is None if the score is undefined in any
-        run.
+        The mean of the values is the estimate, and the values of two estimators are paired by seed.
+        The position of the match between the two settings is estimated from the same runs, and the
+        jackknife includes the uncertainty of this position. The result is None if the score is
+        undefined in any run.
         """
 
         def statistic(runs: Any) -> float:
@@ -154,6 +157,7 @@ def match(reference: Setting, settings: Sequence[Setting], noise: Noise) -> Matc
     Parameters
     ----------
     reference : Setting
+        Setting of the reference.
     settings : sequence of Setting
         Settings of one estimator.
     noise : {"std", "excess"}
@@ -162,7 +166,8 @@ def match(reference: Setting, settings: Sequence[Setting], noise: Noise) -> Matc
     Returns
     -------
     Match or None
-        None if the reference has no noise, or if the estimator has no settings.
+        None if the reference has no noise, if the estimator has no settings, or if the noise of any
+        setting is undefined.
     """
     line = sorted(settings, key=lambda setting: setting.factor)
     none, target = np.log(FLOOR), reference.log(noise)
@@ -174,7 +179,7 @@ def match(reference: Setting, settings: Sequence[Setting], noise: Noise) -> Matc
         for k, (one, other) in enumerate(pairwise(logs))
         if min(one, other) > none and (one - target) * (other - target) <= 0
     ]
-    if crossings:  # take the one nearest to the default: choosing the best lag would be biased
+    if crossings:  # take the crossing nearest to the default: choosing the best lag is biased
         return min(crossings, key=lambda m: abs(np.log(m.nearest.factor)))
     best = int(np.argmin(abs(logs - target)))
     how = MATCHED if logs[best] == target else QUIETER if logs[best] < target else NOISIER

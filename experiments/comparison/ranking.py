@@ -1,4 +1,4 @@
-"""Rank estimators on paired runs: for each fault, find the best and those not clearly worse."""
+"""Rank estimators on paired runs: find the best for each fault, and those not clearly worse."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
@@ -12,35 +12,37 @@ Row = Mapping[str, Any]
 
 REFERENCE = "rpem-forgetting"
 MATCHED, QUIETER, NOISIER = "matched", "quieter", "noisier"
-CONTROLS = ("frozen", "oracle-reset")  # baselines, which do not compete
+CONTROLS = ("frozen", "oracle-reset")  # baselines, which are not ranked
 AT_MOST = {QUIETER: "≤ ", NOISIER: "≥ "}
-"""Sign before a lag if the noise is not matched; a score has the opposite sign (`AT_LEAST`)."""
+"""Sign before a lag if the noise is not matched; `AT_LEAST` contains the signs before a score."""
 AT_LEAST = {QUIETER: "≥ ", NOISIER: "≤ ", "mixed": "about "}
-LEVEL = 0.05  # probability of any false difference between equally good estimators
+LEVEL = 0.05  # probability that a ranking separates any estimators that are equally good
 
 
 Scores = Sequence[float | None]
-"""A score for each seed; None where it is undefined, for example because the run failed."""
+"""A score for each seed; None where the score is undefined, as after a failed run."""
 
 
 def leaders(values: Mapping[str, Scores], *, most: bool = False) -> list[str]:
-    """Return the best estimator and all that are not significantly worse.
+    """Return the best estimator and all estimators that are not significantly worse.
 
-    Estimators are compared in pairs on their common seeds. The best estimator is the one that has
-    the fewest better ones. Because the same seeds choose the best estimator, the level is divided
-    as if all k(k−1)/2 pairs were tested (Bonferroni for the choice of the best, Holm for the rest).
+    Estimators are compared in pairs on their common seeds. The best estimator is the one to which
+    the fewest others are superior on average. The same seeds are used to choose the best estimator
+    and to test the others, so the level is divided as if all k(k−1)/2 pairs were tested (Bonferroni
+    for the choice of the best, Holm for the tests).
 
     Parameters
     ----------
     values : mapping of str to sequence of float or None (n,)
-        Values of a score for each seed, keyed by estimator; less is better.
+        Values of a score for each seed, keyed by estimator. Smaller values are better by default.
     most : bool
-        Whether more is better.
+        Whether larger values are better.
 
     Returns
     -------
     list of str
-        Names with the best first; empty if no estimator has the five seeds that a ranking needs.
+        Names of the estimators with the best first; empty if no estimator has values for the five
+        seeds that a ranking needs.
     """
     scores = {name: (-1) ** most * np.array(each, float) for name, each in values.items()}
     seeds = {name: np.sum(~np.isnan(each)) for name, each in scores.items()}
@@ -67,12 +69,12 @@ def by_fault(rows: Iterable[Row]) -> dict[tuple[str, str], list[Row]]:
 
 
 def mark(rows: Iterable[Row]) -> list[dict[str, Any]]:
-    """Add `leads` to each row: whether the estimator is among the best for this fault.
+    """Add `leads` to each row: true if the estimator is among the best for the fault of the row.
 
-    The rows come from a sweep, or from runs of each estimator at one setting (then without `how`).
-    Baselines do not compete, and neither do estimators that are noisier than the reference at every
-    setting. An estimator that is quieter at every setting competes only if its lag is below the lag
-    of all estimators at equal noise.
+    The rows come from a sweep, or (without `how`) from runs of each estimator at one setting.
+    Baselines are not ranked, nor are estimators that are noisier than the reference at every
+    setting. An estimator that is quieter at every setting is ranked only if its lag is shorter than
+    the lags of all estimators at equal noise.
     """
     rows = list(rows)
     ahead = {
@@ -86,13 +88,14 @@ def mark(rows: Iterable[Row]) -> list[dict[str, Any]]:
 
 
 def compete(rows: Sequence[Row], score: str = "lag") -> list[Row]:
-    """Return the rows to rank: estimators at equal noise, and quieter ones that beat all of them.
+    """Return the rows to rank: estimators at equal noise, and better estimators with less noise.
 
     Parameters
     ----------
     rows : sequence of mapping
-        Rows with ``estimator, how``, the score, and its ``values`` for each seed.
+        Rows with ``estimator, how``, the score, and ``values``, the score for each seed.
     score : {"lag", "score"}
+        Score that is ranked; a short lag or a high score is better.
     """
     sign = 1 if score == "lag" else -1
     able = [r for r in rows if r["estimator"] not in CONTROLS and r["values"].get(score)]
@@ -102,7 +105,7 @@ def compete(rows: Sequence[Row], score: str = "lag") -> list[Row]:
 
 
 def overall(rows: Sequence[Row]) -> list[dict[str, Any]]:
-    """Return one number per estimator over all faults: its mean score at equal excess error.
+    """Return the mean score of each estimator at equal excess error, averaged over all faults.
 
     Parameters
     ----------
@@ -112,10 +115,11 @@ def overall(rows: Sequence[Row]) -> list[dict[str, Any]]:
     Returns
     -------
     list of dict
-        Dicts with ``estimator, score, score_interval, how, faults, leads``, the best first. The
-        mean is over all faults that have a bound; a missing score counts as 0. ``how`` is "quieter"
-        if the noise stays below the reference for some faults (the score is then a lower limit),
-        "noisier" if the noise stays above (an upper limit), and "mixed" if both occur.
+        Dicts with ``estimator, score, score_interval, how, faults, leads`` and ``values``, the best
+        first. The mean is over all faults that have a bound; a missing score counts as 0. ``how``
+        is "quieter" if all settings are quieter than the reference for some faults (the score is
+        then a lower limit), "noisier" if all settings are noisier for some faults (an upper limit),
+        and "mixed" if both occur.
     """
     faults = list(by_fault(row for row in rows if row["bound"]))
     seeds = max((len(row["values"].get("score") or ()) for row in rows), default=0)
@@ -143,9 +147,9 @@ def overall(rows: Sequence[Row]) -> list[dict[str, Any]]:
 
 
 def too_few(rows: Iterable[Row]) -> str:
-    """Return a message if there are fewer seeds than a ranking needs, or an empty message.
+    """Return a message if there are fewer seeds than a ranking needs.
 
-    The message is also empty if no row has a lag.
+    The message is empty if there are enough seeds, or if no row has a lag.
     """
     lags = [np.array(row["values"]["lag"], float) for row in rows if row["values"].get("lag")]
     seeds = max((int(np.sum(~np.isnan(lag))) for lag in lags), default=LEAST)

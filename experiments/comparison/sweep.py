@@ -1,10 +1,10 @@
 """Run estimators at several settings of their tuning parameters, and compare them at equal noise.
 
-A single setting does not allow a ranking, because an estimator that forgets faster is faster and
-noisier. So each estimator runs at several settings, and `matching` interpolates its lag at the
-noise of a reference. For a single fault, the noise is the standard deviation of the parameter that
-changes; for all faults together, the noise is the excess prediction error, which has no unit. The
-code calls a tuning parameter a knob.
+Estimators cannot be ranked at a single setting each, because an estimator that forgets faster
+reacts faster but is noisier. Therefore, each estimator runs at several settings, and `matching`
+interpolates its lag to the noise of a reference. For a single fault, the noise is the standard
+deviation of the parameter that changes; for all faults together, the noise is the excess prediction
+error, which has no unit. The code calls a tuning parameter a knob.
 """
 
 import inspect
@@ -37,21 +37,21 @@ Array = NDArray[np.float64]
 Run = Callable[[Sequence[Scenario], Sequence[str], Sequence[int]], pd.DataFrame]
 """Function ``run(scenarios, estimators, seeds)`` that returns rows like `Runner.rows`."""
 
-FACTORS = (0.25, 0.5, 1.0, 2.0, 4.0)  # settings relative to the default; larger is faster
-WIDER = (16.0, 64.0, 256.0, 1024.0)  # tried (or their inverses) if FACTORS do not suffice
+FACTORS = (0.25, 0.5, 1.0, 2.0, 4.0)  # settings relative to the default; a larger one is faster
+WIDER = (16.0, 64.0, 256.0, 1024.0)  # further settings (or their inverses), if necessary
 TURNS = (*FACTORS, *WIDER, *(1 / factor for factor in WIDER))
 """All settings that a sweep may run, relative to the default."""
 
 ALARMS = "detection.false_alarms_per_1000_s"
 NOISES: tuple[Noise, ...] = ("std", "excess")
 
-Line = dict[str, float]  # settings of one estimator, each with its ratio to the default
+Line = dict[str, float]  # ratio to the default for each setting of an estimator
 Turn = Callable[[float], str | None]
 """Function from a factor to the estimator's text, or to None outside the knob's range."""
 
 
 def knob_of(name: str) -> Knob | None:
-    """Return the knob of an estimator; None if it has no knob, or if `name` has options already.
+    """Return the knob of an estimator; None without a knob, or if `name` already contains options.
 
     Raises
     ------
@@ -76,8 +76,8 @@ def knob_of(name: str) -> Knob | None:
 def with_knob(name: str, factor: float) -> str | None:
     """Return the text of an estimator at another setting of its knob.
 
-    An estimator without a knob, or with options already, is returned unchanged. The result is None
-    if the setting is outside the range of the knob.
+    If the estimator has no knob, or if its text already contains options, the text is returned
+    unchanged. The result is None if the setting is outside the range of the knob.
 
     Examples
     --------
@@ -109,7 +109,7 @@ def texts(lines: Mapping[str, Line]) -> list[str]:
 
 
 def reference() -> str:
-    """Return the setting that defines the noise at which estimators are compared."""
+    """Return the setting of the reference, at whose noise estimators are compared."""
     return str(with_knob(REFERENCE, 1.0))
 
 
@@ -122,7 +122,7 @@ class Runs:
     known: dict[tuple[str, str], pd.DataFrame] = field(default_factory=dict, repr=False)
 
     def of(self, scenario: Scenario, text: str) -> pd.DataFrame:
-        """Return the rows of a setting, one per seed and parameter; raise if a case failed."""
+        """Return the rows of a setting, one per seed and parameter; a failed case is an error."""
         key = scenario.hash, text
         if key not in self.known:
             frame = self.run([scenario], [text], self.seeds)
@@ -146,11 +146,11 @@ class Runs:
         self, scenario: Scenario, base: str, line: Line, turn: Turn, further: Sequence[float], *,
         pairs: Iterable[tuple[str, Noise]], whole: bool = False,
     ) -> dict[tuple[str, Noise], Match | None]:  # fmt: skip
-        """Return an estimator at the noise of a base, keyed by parameter and kind of noise.
+        """Return matches of an estimator's noise to a base, keyed by parameter and kind of noise.
 
         If all settings are quieter than the base, or all are noisier, settings further from the
-        default are run and added to `line`. If `whole`, seeds on which a run of any setting
-        diverged are left out.
+        default are run and added to `line`. If `whole`, each seed on which the run of any setting
+        diverged is left out.
         """
         matches: dict[tuple[str, Noise], Match | None] = dict.fromkeys(pairs)
         for factor in (1.0, *further):
@@ -185,12 +185,12 @@ class Sweep:
         factor``, the pooled ``lag, lag_interval, t10, std, std_interval, std_after, excess,
         diverged, seeds``, and ``lag_bound`` and ``lag_bound_single``.
     matched : list of dict
-        One dict for each fault and estimator, at the same std of the changing parameter as the
-        reference: ``how`` (see `Match`), ``nearest, ratio, lag, lag_interval, bound, over_bound,
-        std_after, false_alarms_per_1000_s, leads``, and ``values``, the log lag for each seed.
+        One dict for each fault and estimator, with results at the setting for which the changing
+        parameter has the same std as with the reference: ``how`` (see `Match`), ``nearest, ratio,
+        lag, lag_interval, bound, over_bound, score, std_after, false_alarms_per_1000_s, leads``,
+        and ``values``, the logarithm of the lag and the score for each seed.
     at_excess : list of dict
-        Results as in `matched`, but at the excess error of the reference, and with ``score`` and
-        its values.
+        Same as `matched`, but at the excess error of the reference, and without ``leads``.
     """
 
     points: list[dict[str, Any]]
@@ -209,8 +209,11 @@ def sweep(
     Parameters
     ----------
     scenarios : sequence of Scenario
+        Scenarios with faults.
     estimators : sequence of str
+        Estimators as for `--estimator`.
     seeds : sequence of int
+        Seeds of the runs, the same for all settings.
     run : callable
         ``run(scenarios, estimators, seeds)`` returns the rows of these cases, one per parameter.
 
@@ -224,7 +227,7 @@ def sweep(
             f"{', '.join(s.name for s in scenarios)}: no fault in an estimated parameter, so there "
             "is no lag to compare. Choose a scenario with such a fault (`flexaxis list`)"
         )
-    run(scenarios, texts(settings(estimators)), seeds)  # all at once, because they share records
+    run(scenarios, texts(settings(estimators)), seeds)  # in one call, so that all share records
     runs, points = Runs(run, seeds), []
     at: dict[str, list[dict[str, Any]]] = {noise: [] for noise in NOISES}
     for scenario, name in product(scenarios, estimators):
@@ -280,9 +283,9 @@ def _row(scenario: Scenario, estimator: str, parameter: str, matched: Match) -> 
         "bound": bound,
         "over_bound": lag / bound if lag and bound else None,
         "score": score,
-        "std_after": after and round(after, 5),  # 0 where it does not move
+        "std_after": after and round(after, 5),  # 0 if the estimator never moves
         "false_alarms_per_1000_s": rate,
-        "values": {  # six digits, one value per seed
+        "values": {  # one value per seed, with six digits
             name: None if (x := values[name]) is None else [float(f"{v:.6g}") for v in x]
             for name in ("lag", "score")
         },

@@ -28,8 +28,8 @@ from flexaxis.sim.scenario import Scenario
 
 EXCESS = "excess"  # default measure of noise; the alternative is the std of one parameter
 TOLERANCE = 0.01  # relative tolerance of the matched noise
-ROUNDS = 12  # largest number of settings tried
-DIGITS = 4  # significant digits of a setting, finer than the tolerance requires
+ROUNDS = 12  # largest number of settings that are tried
+DIGITS = 4  # significant digits of a setting, more than the tolerance requires
 
 
 @dataclass(frozen=True)
@@ -41,14 +41,14 @@ class Tuned:
     setting : str
         The estimator with its tuned options, as for `--estimator`.
     knob : str
-        The option that is tuned, or several options.
+        Name of the tuned option, or names of several options.
     value : float
-        Value of the option; for several options, the position on their common path.
+        Value of the option or, for several options, their position on a common path.
     match : str
-        Noise that is matched: "excess", or the parameter whose std is matched.
+        Noise that is matched: "excess", or the name of the parameter for which the std is matched.
     ratio : float
-        Noise over the noise of the reference. For the excess error, which is a square, `ratio` is
-        the root.
+        Noise divided by the noise of the reference. For the excess error, which is a square,
+        `ratio` is the square root of this quotient.
     """
 
     setting: str
@@ -58,7 +58,7 @@ class Tuned:
     ratio: float
 
     def turned(self, factor: float) -> str | None:
-        """Return the estimator with its knob at `factor` times this setting, if within range."""
+        """Return the estimator with its knob at `factor` times this setting; None out of range."""
         name, options, knob = parts(self.setting)
         at = knob.at(knob.position(self.value) * factor)
         return None if at is None else with_options(name, options | at)
@@ -85,7 +85,7 @@ def parts(text: str) -> tuple[str, dict[str, Any], Knob]:
 
 
 def tuning_scenario() -> Scenario:
-    """Return the scenario for matching noise: the nominal axis, true θ(0), and no fault."""
+    """Return the scenario for matching noise, with the nominal axis, true θ(0), and no fault."""
     return find_scenario("paper_nominal-v1").override({"start": 1.0})
 
 
@@ -100,7 +100,7 @@ class Trials:
     run : callable
         ``run(scenarios, estimators, seeds)`` returns the rows of these cases, one per parameter.
     match : str
-        Noise that is matched: "excess", or the parameter whose std is matched.
+        Noise that is matched: "excess", or the name of the parameter for which the std is matched.
     scenarios : sequence of Scenario
         Scenarios in which the noise before the first fault is measured. If empty, the noise is
         measured on the nominal axis without a fault.
@@ -112,10 +112,10 @@ class Trials:
     scenarios: Sequence[Scenario] = ()
 
     def noises(self, text: str) -> pd.Series:
-        """Return the logarithm of the std of each parameter, and of the root of the excess error.
+        """Return logarithms of the std of each parameter and of the root of the excess error.
 
-        The result has the key "excess" for the latter. Values are means over the scenarios; a
-        parameter that is not estimated in every scenario is left out.
+        The result is indexed by parameter, and by "excess" for the excess error. Values are means
+        over the scenarios; a parameter that is not estimated in every scenario is left out.
         """
         each = []
         for scenario in self.scenarios or [tuning_scenario()]:
@@ -133,15 +133,16 @@ class Trials:
 def match_noise(text: str, trials: Trials) -> Tuned:
     """Tune an estimator until it is as noisy as `rpem-forgetting` at its default.
 
-    The search takes secant steps in the logarithms, and bisects once the match lies between two
-    settings. It assumes that noise increases with the position of the knob, and tries at most
-    `ROUNDS` settings within the knob's range.
+    The search uses secant steps for the logarithms, and bisection if a step leaves the range that
+    contains the match. The search assumes that noise increases with the position of the knob, and
+    tries at most `ROUNDS` settings within the range of the knob.
 
     Parameters
     ----------
     text : str
-        An estimator with a knob. Other options keep their values.
+        An estimator with a knob, as for `--estimator`. Other options keep their values.
     trials : Trials
+        Runs on which settings are tried.
 
     Raises
     ------
@@ -192,14 +193,15 @@ def equally_noisy(
 ) -> list[Tuned]:
     """Tune two estimators until both are as noisy as the reference.
 
-    If a single parameter changes in these scenarios, its std is matched. If several parameters
-    change, the excess prediction error is matched, because it is one number for all.
+    If only one parameter that both estimate changes in these scenarios, the std of this parameter
+    is matched. If several change, the excess prediction error is matched, because it is a single
+    number for all parameters.
 
     Parameters
     ----------
     texts : sequence of str
-        Estimators as for `--estimator`. A value of the tuning parameter is replaced; other options
-        keep their values.
+        Estimators as for `--estimator`. The value of the tuning parameter is replaced; other
+        options keep their values.
     scenarios : sequence of Scenario
         Scenarios in which the noise before the faults is measured.
     run : callable
@@ -210,8 +212,8 @@ def equally_noisy(
     Raises
     ------
     FlexaxisError
-        If one of them has no tuning parameter, if no parameter that both estimate changes, or if no
-        setting matches the noise.
+        If one of the estimators has no tuning parameter, if no parameter changes that both
+        estimate, or if no setting matches the noise.
     """
     for text in texts:
         parts(text)  # fail before any run if there is no knob
@@ -234,15 +236,16 @@ def _rounded(position: float, knob: Knob) -> float:
 
 
 def save(path: Path, name: str, tuned: Tuned | None) -> None:
-    """Write the setting of an estimator to a file like estimators/tuned.toml; replace an old one.
+    """Write or replace the setting of an estimator in a file such as estimators/tuned.toml.
 
     Parameters
     ----------
     path : Path
+        Path of the file.
     name : str
         Name of the estimator.
     tuned : Tuned or None
-        New setting, or None to remove the old one because it no longer matches.
+        New setting, or None to remove an old setting that no longer matches.
     """
     known = read_toml(path, FlexaxisError) if path.exists() else {}
     tables = [table for table in known.get("tuned", []) if table["estimator"] != name]

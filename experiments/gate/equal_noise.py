@@ -1,9 +1,9 @@
 """Compare at equal noise: tune both sides to the same noise, then compare their lags.
 
 The tuning parameters are adjusted on tuning seeds until both estimators are as noisy as the
-reference. On the seeds of the comparison, their noise still differs by chance. So the candidate
-also runs at neighbouring settings, and its lag is interpolated at exactly the noise of the base
-(`flexaxis.experiments.comparison.sweep`).
+reference. On the seeds of the comparison, the noise of the two estimators still differs by chance.
+Therefore, the candidate also runs at neighbouring settings, and its lag is interpolated to exactly
+the noise of the base (`flexaxis.experiments.comparison.sweep`).
 """
 
 from collections.abc import Sequence
@@ -22,23 +22,26 @@ from flexaxis.sim.scenario import Scenario
 SEEDS = tuple(range(16))
 """Seeds for tuning."""
 
-TURNS = (1 / 1.2, 1.0, 1.2)  # settings of the candidate relative to the tuned one
-FURTHER = (1.6, 4.0, 16.0)  # tried (or their inverses) if TURNS do not suffice
+TURNS = (1 / 1.2, 1.0, 1.2)  # settings of the candidate relative to the tuned setting
+FURTHER = (1.6, 4.0, 16.0)  # further relative settings (or their inverses) if TURNS do not suffice
 
 
 def at_equal_noise(
     paired: Paired, base: Tuned, candidate: Tuned, *,
     scenarios: Sequence[Scenario], run: Run, seeds: Sequence[int],
 ) -> Paired:  # fmt: skip
-    """Replace the lags by lags at equal noise; a fault without a match is reported as a `Gap`.
+    """Replace the lags by lags at equal noise, and report each fault without a match as a `Gap`.
 
     Parameters
     ----------
     paired : Paired
         Paired scores of the two tuned settings.
     base, candidate : Tuned
+        Tuned settings of the two estimators.
     scenarios : sequence of Scenario
+        Scenarios of the comparison.
     run : callable
+        ``run(scenarios, estimators, seeds)`` returns the rows of these cases, one per parameter.
     seeds : sequence of int
         Seeds of the comparison, which must differ from the tuning seeds.
     """

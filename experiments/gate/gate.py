@@ -1,4 +1,4 @@
-"""Compare a candidate with a base: run both on common seeds, adding seeds until a clear verdict."""
+"""Compare a candidate with a base: run both on common seeds, with more seeds if undecided."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -41,6 +41,7 @@ class Comparison:
     base, candidate : str
         Estimators as for `--estimator`; at equal noise, with their tuned options.
     seeds : list of int
+        Seeds on which both estimators were compared.
     rows : DataFrame
         One verdict per score, from `flexaxis.experiments.gate.verdict.judge`.
     lost : sequence of Lost
@@ -48,8 +49,9 @@ class Comparison:
     paired : Paired
         Paired scores on which the verdicts are based.
     margins : mapping of metric to float
+        Largest relative change of each score that counts as negligible.
     look, looks : int
-        Number of the look that gave the verdict, counted from 1, and the number of planned looks.
+        Number of the last look, counted from 1, and number of planned looks.
     equal : sequence of Tuned
         Tuned settings of both estimators, if they were first tuned to equal noise.
     """
@@ -67,7 +69,7 @@ class Comparison:
 
     @property
     def verdict(self) -> str:
-        """The overall verdict; if candidate runs are missing, it is "worse" or "undecided"."""
+        """The overall verdict; without all candidate runs, it is "worse" or "undecided"."""
         word = overall(self.rows["verdict"], self.lost)
         sides = {gap.side for gap in self.paired.gaps}
         short = "candidate" in sides or ("base" in sides and word in {SLIGHT, SAME})
@@ -91,18 +93,19 @@ def compare(
     runner: Runner, *,
     margins: Mapping[str, float] = MARGINS, max_seeds: int = 0, match_std: bool = False,
 ) -> Comparison:  # fmt: skip
-    """Run both estimators and judge every score, at equal noise if `match_std`.
+    """Run both estimators and judge every score; if `match_std`, compare lags at equal noise.
 
     If `max_seeds` allows more seeds, further looks (interim analyses) double the number of seeds
-    until nothing is undecided or the seeds are used up. Each of K looks has the level alpha/K
-    (Bonferroni), so repeated looks do not raise the false alarm rate. Scenarios that one of the
-    estimators cannot run on are left out.
+    until the overall verdict is not "undecided" or all seeds have been used. Each of K looks has
+    the level alpha/K (Bonferroni), so repeated looks do not increase the probability of a false
+    verdict. Scenarios on which one of the estimators cannot run are left out.
 
     Parameters
     ----------
     base, candidate : str
         Estimators as for `--estimator`.
     scenarios : sequence of Scenario
+        Scenarios on which the estimators run.
     seeds : sequence of int
         Seeds of the first look.
     runner : Runner
@@ -117,8 +120,8 @@ def compare(
     Raises
     ------
     FlexaxisError
-        If there are fewer than two seeds, more than `max_seeds`, or no common run; or if the noise
-        cannot be matched.
+        If there are fewer than two seeds, or more than a positive `max_seeds`; if base and
+        candidate have fewer than two runs in common; or if the noise cannot be matched.
     """
     looks, run = look_seeds(seeds, max_seeds), runner.rows
     left = [runner.misfits(scenarios, [text]) for text in (base, candidate)]
@@ -155,7 +158,7 @@ def compare(
 
 
 def look_seeds(seeds: Sequence[int], most: int) -> list[list[int]]:
-    """Return the seeds of each look; each look doubles the number of seeds, up to `most`.
+    """Return the seeds of each look: the number doubles from look to look, up to `most`.
 
     Examples
     --------
@@ -174,7 +177,7 @@ def look_seeds(seeds: Sequence[int], most: int) -> list[list[int]]:
 
 
 def check_margins(margins: Mapping[str, float]) -> dict[str, float]:
-    """Return the default margins updated with `margins`; raise if a score is unknown."""
+    """Return the default margins updated with `margins`, or raise an error for an invalid entry."""
     for metric, margin in margins.items():
         if metric not in METRICS or not 0 < margin < 1:
             raise FlexaxisError(
@@ -195,16 +198,17 @@ def compare_runs(
     base, candidate : Path
         Results folders.
     margins : mapping of metric to float
+        Largest relative change of each score that counts as negligible.
     estimators : sequence of str or None
-        Estimator from each folder; None if the folder has only one.
+        Estimator to take from each folder; None if the folder contains only one estimator.
     seeds : sequence of int, optional
         Seeds to compare (default: all).
 
     Raises
     ------
     FlexaxisError
-        If the versions or a scenario differ, if a folder has several estimators and none is chosen,
-        or if there are fewer than two common seeds.
+        If the versions or a scenario differ, if a folder contains several estimators and `None` is
+        given for this folder, or if there are fewer than two common seeds.
     """
     sides, names, versions = [], [], []  # type: ignore[var-annotated]
     for folder, text in zip((base, candidate), estimators, strict=True):

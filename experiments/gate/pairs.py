@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 LOST = ("diverged", "never_settled")
 """Kinds of lost runs. Each kind is counted over all scenarios and judged separately from scores,
-because an average over the remaining runs would reward an estimator for losing difficult ones."""
+because an average over the remaining runs would reward an estimator for losing difficult runs."""
 
 SIDES = ("base", "candidate")
 CASE = ["scenario", "seed"]
@@ -27,7 +27,7 @@ NUMBERS = [*dict.fromkeys([*METRICS, *(bias for bias, _ in SPREADS.values())])]
 
 
 class Gap(NamedTuple):
-    """Results that are missing for `side`. If `must_look` is true, the gate must not pass."""
+    """Results that are missing for `side`; if `must_look` is true, the gate must not pass."""
 
     side: str
     text: str
@@ -41,14 +41,16 @@ class Paired:
     Attributes
     ----------
     scores : DataFrame
-        One row per score, with ``scenario, parameter, metric, margin``. ``base`` and ``candidate``
-        are means over the pairs [unit of the metric], geometric if ratios are compared.
-        ``changes`` (n,) are log(candidate/base) or (candidate − base)/``scale``, NaN if either side
-        diverged or has no score. ``scale`` is NaN if ratios are compared.
+        One row per score, with columns ``scenario, parameter, metric, margin``. ``base`` and
+        ``candidate`` are means over the pairs [unit of the metric]; they are geometric means if
+        ratios are compared. ``changes`` (n,) are log(candidate/base) or (candidate −
+        base)/``scale``, and NaN for runs in which either side diverged or has no score. ``scale``
+        is NaN if ratios are compared.
     lost : DataFrame
-        One row per scenario and seed; the columns ``"diverged base"`` and so on tell whether the
-        run was lost. A run that diverged on either side does not count as never settled.
+        One row per scenario and seed; ``"diverged base"`` and the other three columns are true for
+        lost runs. A run that diverged on either side does not count as never settled.
     gaps : sequence of Gap
+        Missing results of either side.
     estimated : mapping of side to set of str
         Parameters that base and candidate estimate.
     failed : mapping of side to int
@@ -119,7 +121,7 @@ def pair(base: pd.DataFrame, candidate: pd.DataFrame, margins: Mapping[str, floa
 
 
 def _lacking(sides: Mapping[str, pd.DataFrame]) -> list[Gap]:
-    """Return the cases that only one side has, among the seeds on which both were run."""
+    """Return a `Gap` for the cases that one side lacks, among the seeds that both sides have."""
     seeds = set.intersection(*({*rows["seed"]} for rows in sides.values()))
     cases = pd.DataFrame({
         side: rows[rows["seed"].isin(seeds)].drop_duplicates(CASE)["scenario"].value_counts()
@@ -131,7 +133,7 @@ def _lacking(sides: Mapping[str, pd.DataFrame]) -> list[Gap]:
 
 
 def _lost(both: pd.DataFrame) -> pd.DataFrame:
-    """Return the runs that each side lost, in any of the common parameters."""
+    """Return which runs each side lost, in at least one of the common parameters."""
     columns = [f"{way} {side}" for way in LOST for side in SIDES]
     lost = both.groupby(CASE)[columns].any()
     lost[columns[2:]] &= ~lost[columns[:2]].any(axis=1).to_numpy()[:, None]
@@ -141,7 +143,7 @@ def _lost(both: pd.DataFrame) -> pd.DataFrame:
 def _score(
     part: pd.DataFrame, scenario: str, parameter: str, metric: str, margin: float
 ) -> dict[str, Any]:
-    """Return one score of both sides, or {} if it is undefined (such as a lag without a change)."""
+    """Return one score of both sides, or {} if it is undefined, such as the lag without a fault."""
 
     def sides(name: str) -> Array:
         return part[[f"{name} base", f"{name} candidate"]].to_numpy(float).T.copy()
@@ -152,7 +154,7 @@ def _score(
     pairs = np.isfinite(values).all(axis=0) & ~sides("diverged").any(axis=0)
     values[:, ~pairs] = np.nan
     if pairs.any():
-        if metric in SPREADS:  # about the mean over all runs of a side
+        if metric in SPREADS:  # std around the mean over all runs of a side
             errors = np.nan_to_num(sides(SPREADS[metric][0]))
             mean = errors[:, pairs].mean(axis=1, keepdims=True)
             values = np.sqrt(np.maximum(values**2 + mean * (mean - 2 * errors), 0.0))

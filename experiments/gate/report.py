@@ -64,10 +64,10 @@ def as_dict(c: Comparison) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``verdict`` is one word, ``headline`` one line, and ``advice`` a list of lines on what to do
-        next. ``columns`` has the headings of the table, and ``rows`` its rows with the most
-        important first. Each row has the keys of `flexaxis.experiments.gate.verdict.judge`, and its
-        cells under ``text``. ``legend`` has
+        ``verdict`` is one word, ``headline`` is one line, and ``advice`` is a list of lines on what
+        to do next. ``columns`` contains the headings of the table, and ``rows`` contains the rows
+        of the table, the most important first. The keys of a row are the columns from
+        `flexaxis.experiments.gate.verdict.judge`, and ``text`` for its cells. ``legend`` contains
         at most five lines, ``lost`` the verdicts on lost runs, and ``equal_noise`` both tuned
         settings. ``base, candidate, seeds, look, looks, alpha, failed, gaps`` describe the
         comparison.
@@ -105,7 +105,7 @@ def headline(c: Comparison, shown: Sequence[Row]) -> str:
 
 
 def _scaled(row: Row) -> tuple[Any, str]:
-    """Return the change and the ends of its interval, scaled for display, and their unit."""
+    """Return the change and the ends of its interval (3,), scaled for display, and their unit."""
     numbers = np.array([row["change"], *row["interval"]], float)
     if row["scale"] is not None:
         return numbers, METRICS[row["metric"]]
@@ -122,7 +122,7 @@ def sentence(row: Row) -> str:
 
 
 def advice(c: Comparison) -> list[str]:
-    """Return lines on the limits of the comparison and on what to do next."""
+    """Return lines that state the limits of the comparison and suggest what to do next."""
     names, lines = c.paired.estimated, []
     for fewer, more in permutations(names, 2):
         if rest := ", ".join(sorted(names[more] - names[fewer])):
@@ -158,7 +158,7 @@ def markdown(content: Mapping[str, Any]) -> str:
 
 
 def write(folder: Path, content: Mapping[str, Any]) -> Path:
-    """Write compare.json, verdict.md and report.html to a folder; return the report."""
+    """Write compare.json, verdict.md and report.html to a folder; return the path of the report."""
     folder.mkdir(parents=True, exist_ok=True)
     write_text(folder / "verdict.md", markdown(content))
     write_text(folder / REPORT, comparison(content))

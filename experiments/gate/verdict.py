@@ -13,34 +13,37 @@ from flexaxis.experiments.scoring.score_table import SCORES
 
 WORSE, UNDECIDED, BETTER, SLIGHT, SAME = "worse", "undecided", "better", "slight", "same"
 ORDER = (WORSE, UNDECIDED, BETTER, SLIGHT, SAME)
-"""The five verdicts; the overall verdict is the first of them that any score has."""
+"""The five verdicts; the overall verdict is the first in this list that applies to any score."""
 
 SILENT = "not more"
-"""Verdict on lost runs or a bias without a significant increase; the overall verdict ignores it."""
+"""Verdict on lost runs, or on a bias, without a significant increase. The overall verdict does not
+depend on this verdict."""
 
 ALPHA = 0.01
 """Largest probability of any false "worse" or "better" in a comparison."""
 
 SHARES = {False: 0.5, True: 0.1, "diverged": 0.2, "never_settled": 0.2}
-"""Shares of alpha: for all scores together, all biases (guards), and each kind of lost run."""
+"""Shares of alpha for the tests of all scores, of all biases (guards), and of each kind of lost
+run."""
 
 LOST_WORSE = 0.75
-"""Share of a lost-run test's alpha that is spent on the verdict "worse". With alpha = 0.01, ten
-runs lost and none regained (p = 2⁻¹⁰) are enough for that verdict."""
+"""Share of a lost-run test's alpha that is used for the verdict "worse". With alpha = 0.01, ten
+newly lost runs and no regained runs (p = 2⁻¹⁰) are enough for this verdict."""
 
 UNSEEN = 0.5
-"""Assumed size (log-ratio, a factor of 1.65) of rare opposite changes that did not occur."""
+"""Assumed size of a rare change in the opposite direction that did not occur in any run (log-ratio;
+0.5 is a factor of 1.65)."""
 
 FAILED, SCATTER = 0.2, 4 * 1.4826
-"""A pair is a failure if its log-ratio exceeds FAILED and deviates from the median by more than
+"""A pair is a failure if its log-ratio is larger than FAILED and exceeds the median by more than
 SCATTER median absolute deviations (four standard deviations)."""
 
 
 class Lost(NamedTuple):
-    """Numbers of runs that base and candidate lost in one way, with the verdict.
+    """Numbers of runs that base and candidate lost in one way, and the verdict on these runs.
 
-    ``newly`` counts the runs that only the candidate lost, ``regained`` those that only the base
-    lost.
+    ``newly`` is the number of runs that only the candidate lost, and ``regained`` is the number of
+    runs that only the base lost.
     """
 
     way: str
@@ -58,6 +61,7 @@ def judge(paired: Paired, *, alpha: float = ALPHA) -> pd.DataFrame:
     Parameters
     ----------
     paired : Paired
+        Paired scores of base and candidate.
     alpha : float
         Largest probability of any false "worse" or "better" in the whole comparison.
 
@@ -65,16 +69,17 @@ def judge(paired: Paired, *, alpha: float = ALPHA) -> pd.DataFrame:
     -------
     DataFrame
         One row per score, the most important first: ``scenario, metric, parameter, verdict, runs,
-        pairs``. ``base`` and ``candidate`` are means over the pairs (geometric if ratios are
-        compared). ``change`` and ``interval`` are candidate/base − 1; for a bias, which has a
-        ``scale``, they are differences. ``margin`` has the unit of ``change``. ``p`` is
-        uncorrected. ``reason`` explains why a clear change is undecided: "few" if there are too few
-        runs to exclude rare failures, "far" if the mean is better but some run is much worse.
+        pairs``. ``base`` and ``candidate`` are means over the pairs (geometric means if ratios are
+        compared). ``change`` is candidate/base − 1, and ``interval`` is the interval of ``change``;
+        for a bias, which has a ``scale``, both are differences. ``margin`` has the unit of
+        ``change``. ``p`` is the p-value without correction for multiple tests. ``reason`` explains
+        why a clear change is undecided: "few" if there are too few runs to exclude rare failures,
+        "far" if the mean is better but at least one run is much worse.
     """
     scores = paired.scores.reset_index(drop=True)
     if scores.empty:
         return pd.DataFrame({"verdict": []})
-    changes = pd.DataFrame(scores["changes"].tolist())  # NaN pads scores with fewer runs
+    changes = pd.DataFrame(scores["changes"].tolist())  # rows with fewer runs are padded with NaN
     about = scores[["scenario", "metric", "margin"]].to_numpy().T
     rows = scores.join(decide(changes, *about, alpha))  # type: ignore[call-arg]
     ratio, scale = rows["scale"].isna(), rows["scale"].fillna(1.0)
@@ -96,7 +101,8 @@ def decide(
     Parameters
     ----------
     changes : array_like (S, n)
-        log(candidate/base) of each score and seed, or the relative difference; NaN without a pair.
+        log(candidate/base) for each score and seed, or the difference divided by the scale; NaN
+        without a pair.
     scenarios, metrics, margins : ndarray (S,)
         Scenario and metric of each score, and the smallest relative change that matters.
     alpha : float
@@ -114,7 +120,7 @@ def decide(
     freedom, level = np.maximum(n - 1, 1), np.empty(len(n))
     guard = np.array([SCORES[metric].guard for metric in metrics])
     with np.errstate(all="ignore"):
-        # For scores that are equal on every seed, p is NaN, which leaves them out of the family.
+        # For a score that is equal on every seed, p is NaN, so Holm's procedure does not count it.
         p = np.where(n > 1, 2 * stdtr(freedom, -abs(mean) / se), 1.0)
         for kind in (False, True):
             level[guard == kind] = holm_levels(p[guard == kind], SHARES[kind] * alpha)
@@ -140,11 +146,13 @@ def decide(
 
 
 def _agreeing(way: Any, n: Any, scenarios: Any, metrics: Any) -> tuple[Any, Any]:
-    """Return the number of runs (S,) that confirm each change, and of choices of their scenarios.
+    """Return the number of runs (S,) that confirm each change, and the number of scenario choices.
 
-    A run counts once if any score of the metric changes in the same direction on its scenario. If
-    a failure has probability q per run, it does not occur in n runs with probability (1 − q)ⁿ. So n
-    runs cannot exclude a failure with a probability q below 1 − alpha^(1/n).
+    All runs on a scenario are counted, once each, if any score of the metric changes in the same
+    direction on this scenario. The second result (S,) is the number of ways to choose as many
+    scenarios as are counted. A failure with probability q per run does not occur in n runs with
+    probability (1 − q)ⁿ. So n runs cannot exclude a failure with a probability q below
+    1 − alpha^(1/n).
     """
     table = pd.DataFrame({"metric": metrics, "way": way, "scenario": scenarios, "n": n})
     most = table.groupby(["metric", "way", "scenario"])["n"].max()
@@ -155,9 +163,10 @@ def _agreeing(way: Any, n: Any, scenarios: Any, metrics: Any) -> tuple[Any, Any]
 
 
 def judge_lost(newly: int, regained: int, way: str, alpha: float = ALPHA) -> str:
-    """Return the verdict on runs that only one side lost, by McNemar's exact test.
+    """Return the verdict on runs that only one side lost, using McNemar's exact test.
 
-    The verdict is "undecided" if some runs are newly lost, unless more runs are regained.
+    If the test is not significant, the verdict is "undecided" if runs are newly lost and at most as
+    many are regained, and "not more" otherwise.
     """
     share = SHARES[way] * alpha
     if sign_p(newly, regained) <= LOST_WORSE * share:
@@ -178,10 +187,10 @@ def losses(paired: Paired, *, alpha: float = ALPHA) -> list[Lost]:
 
 
 def alarming(lost: Sequence[Lost]) -> bool:
-    """Return whether the newly lost runs need attention, even if they are not significant.
+    """Return whether the newly lost runs need attention, even if their number is not significant.
 
-    At least two runs must be newly lost. If the base also loses runs, the p-value of the increase
-    must be at most 5 %.
+    The result is true if, in any way, at least two runs are newly lost and either the base loses no
+    runs or the p-value of the increase is at most 5 %.
     """
     return any(
         way.newly >= 2 and (not way.base or sign_p(way.newly, way.regained) <= 0.05) for way in lost
@@ -189,9 +198,9 @@ def alarming(lost: Sequence[Lost]) -> bool:
 
 
 def overall(verdicts: Sequence[str], lost: Sequence[Lost] = ()) -> str:
-    """Return the overall verdict: the first word of `ORDER` that any score or lost run has.
+    """Return the overall verdict: the first word of `ORDER` among all verdicts.
 
-    Without a verdict on any score, the result is never "same".
+    If no word of `ORDER` is among them, the result is "same" or, without any score, "undecided".
     """
     words = {*verdicts, *(way.verdict for way in lost)}
     return next((word for word in ORDER if word in words), SAME if len(verdicts) else UNDECIDED)

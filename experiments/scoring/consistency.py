@@ -24,13 +24,13 @@ def nis(innovations: Array) -> float | None:
     Parameters
     ----------
     innovations : ndarray (N, 2)
-        Innovation ε = y − ŷ, computed before y is used, and the variance S that the estimator
-        reports for ε; NaN where y is missing.
+        Innovations ε = y − ŷ, computed before the estimator uses y, and their variances S as the
+        estimator reports them; NaN where y is missing.
 
     Returns
     -------
     float or None
-        None if the estimator reports no positive, finite variance.
+        Mean of ε²/S, or None if the estimator reports no positive, finite variance.
     """
     z = normalised(innovations)
     z = z[~np.isnan(z)]
@@ -38,10 +38,10 @@ def nis(innovations: Array) -> float | None:
 
 
 def whiteness(innovations: Array, lags: int) -> float | None:
-    """Return the Ljung-Box statistic of ε/√S over its degrees of freedom.
+    """Return the Ljung-Box statistic of ε/√S, divided by its degrees of freedom.
 
-    For white innovations, the mean of the result is 1. The statistic of n values with n_l pairs at
-    lag l is
+    For white innovations, the mean of the result is 1. For n values, of which n_l pairs are
+    l samples apart, the statistic is
 
     Q = (n + 2)/n Σ_l n_l r_l²,  r_l = (mean of the n_l products)/(mean square).
 
@@ -58,7 +58,8 @@ def whiteness(innovations: Array, lags: int) -> float | None:
     Returns
     -------
     float or None
-        None if the estimator reports no valid variance, or if one of the lags has no pairs.
+        Statistic, or None if the estimator reports no valid variance, or if no two valid
+        innovations are separated by one of the lags.
     """
     z = normalised(innovations)
     defined = ~np.isnan(z)
@@ -82,7 +83,9 @@ def normalised(innovations: Array) -> Array:
 
 
 def nees(error: Array, covariance: Any) -> float | None:
-    """Return θ̃ᵀ Σ⁻¹ θ̃. If Σ is correct, the result is χ² with p degrees of freedom and mean p.
+    """Return the normalised squared error θ̃ᵀ Σ⁻¹ θ̃.
+
+    If Σ is correct, the result has a χ² distribution with p degrees of freedom and mean p.
 
     Parameters
     ----------
@@ -103,18 +106,18 @@ def nees(error: Array, covariance: Any) -> float | None:
         return None
 
 
-# Scores: functions of a track, with the same value for all parameters of a case.
+# Scores: functions of a track that return the same value for all parameters of a case.
 
 
 def nis_of(track: Track, i: int) -> float | None:
-    """Return the mean of ε²/S over the samples that std uses."""
+    """Return the mean of ε²/S over the samples from which std is computed."""
     del i
     innovations = _quiet(track)
     return None if innovations is None else track.once("nis", lambda: nis(innovations))
 
 
 def whiteness_of(track: Track, i: int) -> float | None:
-    """Return the whiteness of the innovations over the samples that std uses."""
+    """Return the whiteness of the innovations over the samples from which std is computed."""
     del i
     innovations, lags = _quiet(track), round(MEMORY / track.scenario.period)
     return (
@@ -125,7 +128,10 @@ def whiteness_of(track: Track, i: int) -> float | None:
 
 
 def _quiet(track: Track) -> Array | None:
-    """Return the innovations before the fault, with NaN in pauses of the excitation."""
+    """Return the innovations before the fault, with NaN in pauses of the excitation.
+
+    The result is None if the estimator reports no innovations, or if no samples precede the fault.
+    """
     if track.innovations is None or not track.quiet.size:
         return None
     first, last = track.quiet[[0, -1]]

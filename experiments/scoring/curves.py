@@ -1,7 +1,7 @@
 """Trajectories for figures: one run in detail, and the runs of an estimator as a table.
 
-Every tenth sample of a run is kept. Estimates change fast after a fault, so every sample around the
-first fault is kept.
+Only every tenth sample of a run is kept, except around the first fault. There, every sample is
+kept, because estimates change fast after a fault.
 """
 
 from collections.abc import Mapping
@@ -17,8 +17,8 @@ from flexaxis.sim.scenario import Scenario
 
 Array = NDArray[np.float64]
 
-CURVE_STEP = 10  # samples between the kept points of a trajectory
-BEFORE, AFTER = 0.1, 1.0  # s before and after a fault in which every sample is kept
+CURVE_STEP = 10  # number of samples from one stored point of a trajectory to the next
+BEFORE, AFTER = 0.1, 1.0  # s before and s after a fault; between them, every sample is kept
 
 
 def near_fault(scenario: Scenario) -> slice:
@@ -31,12 +31,12 @@ def near_fault(scenario: Scenario) -> slice:
 
 
 def after(scenario: Scenario) -> int:
-    """Return the number of samples that are kept from a fault on."""
+    """Return the number of consecutive samples that are kept from the fault on."""
     return round(AFTER / scenario.period) + 1
 
 
 def later(drawn: Scenario, written: Scenario) -> int:
-    """Return the delay [samples] of the first fault in a run, relative to the scenario file."""
+    """Return how many samples later the first fault occurs in a run than in the scenario file."""
     if not (drawn.events() and written.events()):
         return 0
     return drawn.events()[0].index - written.events()[0].index
@@ -56,9 +56,10 @@ def shifted(values: Array, late: int) -> Array:
 
 
 def estimates(traces: Mapping[int, Any], scenario: Scenario, parameter: str) -> pd.DataFrame:
-    """Return estimates over nominal, with one row per time [s] and one column per seed.
+    """Return estimates divided by nominal, with one row per time [s] and one column per seed.
 
-    The table has every sample around the first fault, and one in `CURVE_STEP` elsewhere.
+    The table contains every sample around the first fault; elsewhere, it contains one sample in
+    every `CURVE_STEP`.
     """
     times = np.r_[scenario.times[::CURVE_STEP], scenario.times[near_fault(scenario)]]
     runs = {seed: np.r_[trace.curve, trace.near][:, trace.names.index(parameter)]
@@ -68,6 +69,6 @@ def estimates(traces: Mapping[int, Any], scenario: Scenario, parameter: str) -> 
 
 
 def truth(scenario: Scenario, parameter: str) -> pd.Series:
-    """Return the true values of a parameter over nominal, indexed by time [s]."""
+    """Return the true values of a parameter, divided by nominal and indexed by time [s]."""
     values = theta_over_time(scenario, [parameter]) / nominal_theta(scenario, [parameter])
     return pd.Series(values[:, 0], scenario.times)

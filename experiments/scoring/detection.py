@@ -20,19 +20,21 @@ ALARMS = {
 def detection(
     scenario: Scenario, names: Sequence[str], findings: Sequence[Any] | None
 ) -> dict[str, Any] | None:
-    """Score the findings of an estimator, or return None if it has no `findings`.
+    """Score the findings of an estimator, or return None if the estimator has no `findings`.
 
     Parameters
     ----------
     scenario : Scenario
+        Scenario of the record.
     names : sequence of str
-        Estimated parameters.
+        Names of the estimated parameters.
     findings : sequence, optional
-        Reported changes, each with ``alarm`` (sample) and ``parameters`` (names).
+        Changes that the estimator reports, each with attributes ``alarm`` (sample of the alarm) and
+        ``parameters`` (names of the parameters that changed).
 
     Returns
     -------
-    dict
+    dict or None
         ``alarms`` is the number of findings. ``false_alarms`` counts the findings outside the
         windows of all faults; ``calm`` is the time outside these windows [s], and
         ``false_alarms_per_1000_s`` is the false alarm rate in that time. ``delay`` is the mean time
@@ -71,7 +73,7 @@ def detection(
 def _firsts(
     scenario: Scenario, names: Sequence[str], findings: Sequence[Any]
 ) -> list[tuple[Window, Any]]:
-    """Return each window with the first finding in it, or with None."""
+    """Return each window with the first finding in that window, or None without such a finding."""
     return [(w, next((f for f in findings if w.start <= f.alarm < w.stop), None))
             for w in windows(scenario, names)]  # fmt: skip
 
@@ -79,14 +81,20 @@ def _firsts(
 def isolation(
     scenario: Scenario, names: Sequence[str], findings: Sequence[Any] | None
 ) -> list[dict[str, Any]] | None:
-    """Return the parameters named for each fault, or None if the estimator has no `findings`.
+    """Return the parameters that an estimator names for each fault.
+
+    Parameters
+    ----------
+    scenario, names, findings
+        Same as for `detection`.
 
     Returns
     -------
-    list of dict
+    list of dict, or None
         One dict per fault. ``fault`` is the parameter that changed, and ``named`` lists the
-        physical parameters of the first finding in the window. ``named`` is [] for an unmodelled
-        change and None for a missed fault.
+        physical parameters that the first finding in the window names. ``named`` is [] if the
+        finding is a change that no parameter explains, and None if the fault is missed. The result
+        is None if the estimator has no `findings`.
     """
     if findings is None:
         return None

@@ -1,9 +1,10 @@
 """Intervals over seeds, and tests of paired runs.
 
-All intervals are at 95 %. With fewer than five seeds an interval is None, because the spread cannot
-be estimated well enough. Seeds are the independent draws: the runs of one seed at several points of
-a sweep share their noise, so they are first averaged (`by_seed`).
-`tests/experiments/test_intervals.py` measures the coverage.
+All intervals have a confidence level of 95 %. With fewer than five seeds, an interval is None,
+because the spread cannot be estimated well enough. Only runs with different seeds are independent:
+runs with the same seed at several points of a sweep have the same noise, so these runs are combined
+before an interval is computed (`by_seed`). `tests/experiments/test_intervals.py` measures the
+coverage.
 """
 
 from collections.abc import Callable
@@ -20,10 +21,10 @@ Interval = list[float]
 Labels = ArrayLike | None
 
 LEAST = 5  # smallest number of values for an interval
-NEVER = 1e12  # stands for infinity
+NEVER = 1e12  # number that represents infinity
 MISS = 0.05  # probability that an interval does not contain the true value
 FLOOR = 1e-6
-"""Smallest value [s or %] in a logarithm, because an estimator that never moves has a std of 0."""
+"""Smallest value of which a logarithm is computed [s or %]; the std of an estimator can be 0."""
 
 
 def t_interval(values: ArrayLike) -> Interval | None:
@@ -39,8 +40,8 @@ def mean_interval(values: ArrayLike) -> Interval | None:
     """Return an interval of the mean of values (n,) that allows for a skewed distribution.
 
     Hall's transformation of Student's t corrects for skewness (P. Hall, J. R. Statist. Soc. B 54,
-    1992, 221–228). Squared errors are skewed, and a t interval alone would miss their mean mostly
-    on one side.
+    1992, 221–228). Squared errors are skewed, and a t interval without this correction would miss
+    their mean mostly on one side.
     """
     x = np.asarray(values, float)
     within = t_interval(x)
@@ -54,19 +55,21 @@ def mean_interval(values: ArrayLike) -> Interval | None:
 def by_seed(values: ArrayLike, seeds: Labels, points: Labels) -> Array:
     """Return one value per seed (m,), to compute the mean of all values with its standard error.
 
-    The mean of the result is the mean of the values, and its scatter gives the standard error. For
-    a seed whose runs deviate by d_i from the means of their points, the result is x̄ + m/n Σ d_i
-    (the variance of clusters, W. G. Cochran, *Sampling Techniques*, 3rd ed., chapters 5 and 9).
-    Differences between points are not random, so they add no scatter. If all points have the same
-    seeds, the result is the mean over the points for each seed. If a point has a single run, the
-    differences between points count as random.
+    The mean of the result is the mean x̄ of the n values, and the standard error follows from the
+    scatter of the result. If the runs of a seed deviate by d_i from the means of their points, the
+    result for this seed is x̄ + m/n Σ d_i (the variance of clusters, W. G. Cochran, *Sampling
+    Techniques*, 3rd ed., chapters 5 and 9). Differences between points are not random and do not
+    increase the scatter. If all points have the same seeds, the scatter is that of the means over
+    the points for each seed. If any point has a single run, differences between points are treated
+    as random.
 
     Parameters
     ----------
     values : (n,) array_like
+        Value of each run.
     seeds, points : (n,) array_like or None
-        Seed of each run, and the number of its point. Without seeds, each value has a seed of its
-        own; without points, all values belong to one point.
+        Seed of each run, and number of the point to which the run belongs. Without seeds, each
+        value has a seed of its own; without points, all values belong to one point.
     """
     x = np.asarray(values, float)
     seed, point, runs = _labels(seeds, points, len(x))
@@ -94,17 +97,18 @@ def _labels(seeds: Labels, points: Labels, n: int) -> tuple[Index, Index, Index]
 def median_interval(
     values: ArrayLike, seeds: Labels = None, points: Labels = None
 ) -> list[float | None] | None:
-    """Return the interval of the median from order statistics; an infinite end is None.
+    """Return the interval of the median, computed from order statistics; an infinite end is None.
 
-    The ranks follow from the normal approximation, (m + 1)/2 ± 1.96 √m/2, with linear interpolation
-    between neighbouring values (J. Nyblom, Comput. Stat. Data Anal. 13, 1992, 33–42). If a seed has
-    several runs, m is the effective sample size: the number of independent values with the same
-    uncertainty of the share below the median (L. Kish, *Survey Sampling*, 1965, section 8.2).
+    The ranks of the ends are (m + 1)/2 ± 1.96 √m/2 in the normal approximation, with linear
+    interpolation between neighbouring values (J. Nyblom, Comput. Stat. Data Anal. 13, 1992, 33–42).
+    If a seed has several runs, m is the effective sample size: the number of independent values for
+    which the share below the median would have the same uncertainty (L. Kish, *Survey Sampling*,
+    1965, section 8.2).
 
     Parameters
     ----------
     values, seeds, points
-        As for `by_seed`.
+        Same as for `by_seed`.
     """
     x = np.minimum(np.asarray(values, float), NEVER)
     n = len(x)
@@ -114,7 +118,7 @@ def median_interval(
         return None
     m = np.clip(0.25 * (len(share) - 1) / max(1e-9, share.var()), len(share), n)
     rank = 0.5 - stats.norm.isf(MISS / 2) / (2 * np.sqrt(m))
-    if rank < 0.5 / m:  # fewer than six values cannot cover the median with 95 %
+    if rank < 0.5 / m:  # no interval between fewer than six values can have a coverage of 95 %
         return None
     ends = np.quantile(x, [rank, 1 - rank], method="hazen")
     return [float(end) if end < FLOOR * NEVER else None for end in ends]
@@ -124,15 +128,16 @@ def rate_interval(counts: ArrayLike, exposure: float, seeds: ArrayLike) -> Inter
     """Return the interval of the rate of events per unit of exposure.
 
     The interval is exact for a Poisson process (F. Garwood, Biometrika 28, 1936, 437–442). If no
-    event occurred, its upper end is the one-sided limit, 3.0 over the exposure. If events come in
-    clusters, the interval is widened by the dispersion of the counts per seed.
+    event occurred, the upper end is the one-sided limit, 3.0 divided by the exposure. If events
+    occur in clusters, the interval is widened according to the variance of the counts per seed,
+    divided by their mean.
 
     Parameters
     ----------
     counts : (n,) array_like
         Number of events in each run.
     exposure : float
-        Total exposure of all runs, such as their time.
+        Total exposure of all runs, such as their total duration.
     seeds : (n,) array_like
         Seed of each run.
     """
@@ -151,18 +156,18 @@ def spread_interval(
 ) -> Interval | None:
     """Return the interval of the standard deviation over time and runs (`pooling.spread`).
 
-    The variance has three parts: within the runs, between the runs of a point, and between points.
-    The first part has Cox's interval for the mean of lognormal values. The second has the χ²
-    interval of a normal variance, with the degrees of freedom from `_freedom`. The third has a
-    normal interval. The method of variance estimates recovery combines the three intervals (G. Y.
-    Zou and A. Donner, Stat. Methods Med. Res. 17, 2008, 1–10).
+    The variance is the sum of three variances: within the runs, between the runs of a point, and
+    between points. The first variance has Cox's interval for the mean of lognormal values. The
+    second has the χ² interval of a normal variance, with the degrees of freedom from `_freedom`.
+    The third has the interval of Student's t. The three intervals are combined using the method of
+    variance estimates recovery (G. Y. Zou and A. Donner, Stat. Methods Med. Res. 17, 2008, 1–10).
 
     Parameters
     ----------
     std, bias : (n,) array_like
-        Root mean square about zero, and mean, of each run.
+        Root mean square and mean of the error in each run.
     seeds, points : (n,) array_like, optional
-        As for `by_seed`.
+        Same as for `by_seed`.
     """
     rms, mean = np.asarray(std, float), np.asarray(bias, float)
     seed, point, runs = _labels(seeds, points, len(rms))
@@ -185,11 +190,12 @@ def spread_interval(
 
 
 def _freedom(apart: Array, seed: Index, point: Index) -> float:
-    """Return the degrees of freedom of the mean squared deviation of runs from their points.
+    """Return the degrees of freedom of the mean squared deviation of runs from their points' means.
 
-    Satterthwaite's formula is (m − 1)(tr C)²/tr C² for the covariance C of the points over m seeds.
-    The formula gives m − 1 if all points share their noise, and m − 1 times the number of points if
-    their noise is independent. The bias of tr C² due to the finite number of seeds is subtracted.
+    Satterthwaite's formula is (m − 1)(tr C)²/tr C², where C is the covariance between the points,
+    estimated from m seeds. The result is m − 1 if all points have the same noise, and m − 1 times
+    the number of points if their noise is independent. The bias of tr C² due to the finite number
+    of seeds is subtracted.
     """
     table = np.zeros((seed.max() + 1, point.max() + 1))
     table[seed, point] = apart
@@ -203,7 +209,7 @@ def _freedom(apart: Array, seed: Index, point: Index) -> float:
 
 def _cox(values: Array) -> Any:
     """Return Cox's interval for the mean of lognormal values (n,)."""
-    if values.min() <= FLOOR * values.mean():  # a run has no scatter: not lognormal
+    if values.min() <= FLOOR * values.mean():  # a run without scatter: the values are not lognormal
         return mean_interval(values)
     logs, n = np.log(values), len(values)
     v = logs.var(ddof=1)
@@ -214,9 +220,10 @@ def _cox(values: Array) -> Any:
 def pseudo_values(statistic: Callable[[Any], float], n: int) -> Array:
     """Return the jackknife pseudo-values (n,) of a statistic of n runs.
 
-    Their mean is the statistic corrected for bias, and their scatter gives its standard error, even
-    if the statistic combines several quantities of the same runs. The pseudo-values of two
-    statistics of the same runs are paired (J. W. Tukey, Ann. Math. Statist. 29, 1958, 614).
+    The mean of the pseudo-values is the statistic, corrected for bias, and the standard error of
+    the statistic follows from their scatter, even if the statistic combines several quantities of
+    the same runs. The pseudo-values of two statistics of the same runs are paired (J. W. Tukey,
+    Ann. Math. Statist. 29, 1958, 614).
 
     Parameters
     ----------
@@ -245,8 +252,8 @@ def sign_p(more: int, less: int) -> float:
     """Return the one-sided p-value of McNemar's exact test.
 
     The result is the probability of at least `more` heads in more + less tosses of a coin. Runs
-    that both sides win or both sides lose carry no information. If neither side is better, each of
-    the other runs is lost by either side with probability ½.
+    with the same outcome on both sides do not count. If neither side is better, each side loses
+    each of the other runs with probability ½.
 
     Examples
     --------
@@ -259,22 +266,22 @@ def sign_p(more: int, less: int) -> float:
 def holm_levels(p: ArrayLike, alpha: float) -> Array:
     """Return the significance level of each test by Holm's step-down procedure.
 
-    A hypothesis is rejected if its p-value is at most its level, and exactly then an interval at
-    this level excludes zero. The probability of any wrong rejection is at most `alpha`, even if the
-    tests are dependent.
+    A hypothesis is rejected if its p-value is at most the level of its test; an interval at this
+    level excludes zero in exactly the same cases. The probability of any wrong rejection is at most
+    `alpha`, even if the tests are dependent.
 
     Parameters
     ----------
     p : array_like (m,)
-        p-values. A NaN is left out of the family and gets the level `alpha`.
+        p-values of the tests. A test with p-value NaN is not counted and has the level `alpha`.
     alpha : float
         Family-wise error rate.
 
     Returns
     -------
     ndarray (m,)
-        Level alpha/m for the smallest p, alpha/(m − 1) for the next, and so on. After the first
-        hypothesis that is not rejected, the level stays constant.
+        Level of each test: alpha/m for the smallest p, alpha/(m − 1) for the next, and so on. After
+        the first hypothesis that is not rejected, the level is the same for all further tests.
 
     Examples
     --------
@@ -292,12 +299,12 @@ def holm_levels(p: ArrayLike, alpha: float) -> Array:
 
 
 def difference(first: ArrayLike, second: ArrayLike) -> tuple[int, float, float]:
-    """Return the number and mean of the differences first − second, and p of the paired t test.
+    """Return the number and mean of the differences first − second, and p of a paired t test.
 
     Parameters
     ----------
     first, second : array_like (n,) of float or None
-        Values of a score for the same seeds; None or NaN where it is undefined.
+        Values of a score for the same seeds; None or NaN where the score is undefined.
     """
     d = np.array(first, float) - np.array(second, float)
     d = d[~np.isnan(d)]

@@ -1,4 +1,4 @@
-"""The torque on the nominal axis for a scenario's reference motion, without faults or noise."""
+"""Torque of the nominal axis during a scenario's reference motion, without faults or noise."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -28,7 +28,7 @@ _RUN: ContextVar[Torque] = ContextVar("run", default=_simulated)
 
 @contextmanager
 def nominal_runs(torque: Torque) -> Iterator[None]:
-    """Replace the simulation within a context, for example by reading stored records."""
+    """Use another function than the simulation within a context, such as one that reads records."""
     before = _RUN.set(torque)
     try:
         yield
@@ -38,7 +38,7 @@ def nominal_runs(torque: Torque) -> Iterator[None]:
 
 @remembered()
 def nominal_torque(scenario: Scenario) -> Array:
-    """Return the torque (8000,) [N m] for 40 s of the reference motion, at nominal parameters."""
+    """Return the torque (8000,) [N m] during 40 s of reference motion, with nominal parameters."""
     nominal = scenario.override(
         {
             "name": "nominal",
@@ -59,10 +59,11 @@ def nominal_torque(scenario: Scenario) -> Array:
 @remembered()
 def design_torque(scenario: Scenario) -> Array:
     """
-    Return the torque (8000,) [N m] for 40 s of the reference motion, on the axis as designed.
+    Return the torque (8000,) [N m] during 40 s of reference motion, using design values.
 
-    The simulation has no nonlinear effects, because estimators do not know them. For an axis at
-    standstill, the reference is the default multisine.
+    The design values are the nominal values that an estimator receives. The simulation includes no
+    nonlinear effects, because estimators do not know these effects. For an axis at standstill, the
+    reference is the default multisine.
     """
     told = started_nominal(scenario.override({"start": 1.0}))
     linear: dict[str, Any] = {key: None for key in scenario.nonlinear}

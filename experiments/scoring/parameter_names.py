@@ -13,7 +13,7 @@ from flexaxis.sim.scenario import Scenario
 
 
 def physical(name: str) -> tuple[str, int]:
-    """Return the physical parameter and the exponent of an estimated name: "1/J_a" → J_a, −1."""
+    """Return the physical parameter and exponent for an estimated name: "1/J_a" → J_a, −1."""
     return (name[2:], -1) if name.startswith("1/") else (name, 1)
 
 
@@ -24,7 +24,7 @@ def true_theta(
 ) -> NDArray[np.float64]:
     """Return the true values (…, p) of estimated parameters from physical parameters (…, P).
 
-    `columns` names the physical parameters (default: those of the paper's axis).
+    `columns` lists the names of the physical parameters (default: those of the paper's axis).
     """
     powers = [physical(name) for name in names]
     return np.stack([parameters[..., columns.index(p)] ** float(e) for p, e in powers], axis=-1)
@@ -41,16 +41,16 @@ def theta_over_time(scenario: Scenario, names: Sequence[str]) -> NDArray[np.floa
 
 
 def known_names(scenario: Scenario, names: Sequence[str]) -> tuple[str, ...]:
-    """Return the estimated parameters with a nonzero initial value, by which errors are scaled."""
+    """Return the estimated parameters that have a nonzero initial value, to scale the errors."""
     return tuple(name for name in names if scenario.initial.get(physical(name)[0]))
 
 
 def started_nominal(scenario: Scenario) -> dict[str, float]:
     """Return the nominal values that an estimator receives.
 
-    Identified parameters are scaled by `start` and others by `known`; data-sheet values are
-    included. Estimators do not know which laws act, so a law parameter is included only if `known`
-    names it.
+    Identified parameters are multiplied by the factor `start`, and others by the factors in
+    `known`; data-sheet values are included. Estimators do not know which friction laws act, so a
+    parameter of a law is included only if `known` names this parameter.
     """
     values = scenario.nominal.as_dict()
     for parameter, factor in scenario.known_factors.items():
@@ -92,6 +92,6 @@ def check_model(scenario: Scenario) -> None:
 
 
 def axis_model(scenario: Scenario, values: Mapping[str, float]) -> Model:
-    """Return the estimators' linear model of a plant; raise an error like `check_model`."""
+    """Return the estimators' linear model of a plant, or raise the error of `check_model`."""
     check_model(scenario)
     return MODELS[scenario.model].factory(values)

@@ -1,10 +1,11 @@
 """Pool the rows of many seeds into one number with an interval; one function per kind of score.
 
-Each function takes the columns of one parameter of one estimator on one scenario, and the name of
-a score, and returns entries of the pooled row. A column is an array with one number per run, in the
-order of the seeds; NaN means undefined, 1 and 0 mean true and false. ``seed`` and ``point`` are
-columns, too, because seeds are the independent draws (`flexaxis.experiments.scoring.intervals`).
-Diverged runs count in all scores except consistency, because they report no covariance.
+Each function takes a name of a score, and the columns for one parameter of one estimator on one
+scenario, and returns entries of the pooled row. A column is an array with one number per run, in
+the order of the seeds; NaN means undefined, 1 and 0 mean true and false. ``seed`` and ``point`` are
+also columns, because only runs with different seeds are independent
+(`flexaxis.experiments.scoring.intervals`). Diverged runs count in all scores except consistency,
+because they report no covariance.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -31,13 +32,13 @@ Pool = Callable[[Columns, str], Pooled]
 
 
 def values(columns: Columns, name: str) -> Array:
-    """Return the defined values of a score."""
+    """Return the values of a score that are not NaN."""
     x = columns[name]
     return x[~np.isnan(x)]
 
 
 def by(statistic: Callable[[Array], float]) -> Pool:
-    """Return a function that pools by a statistic of the defined values, such as ``by(np.max)``."""
+    """Return a function that pools with a statistic of the defined values, as in ``by(np.max)``."""
 
     def pooled(columns: Columns, name: str) -> Pooled:
         x = values(columns, name)
@@ -52,7 +53,15 @@ def _drawn(columns: Columns, where: NDArray[np.bool_]) -> tuple[Array, Array]:
 
 
 def _through(of: Callable[[Array], Array], back: Callable[[Any], Any], within: Any) -> Pool:
-    """Return a function that pools by the mean of transformed values, with its interval."""
+    """Return a function that pools a score by averaging transformed values.
+
+    Parameters
+    ----------
+    of, back : callable
+        Transformation of the values, and its inverse for the mean and its interval.
+    within : callable
+        Function that computes the interval of the mean, such as `mean_interval`.
+    """
 
     def pooled(columns: Columns, name: str) -> Pooled:
         x = of(values(columns, name))
@@ -66,17 +75,17 @@ def _through(of: Callable[[Array], Array], back: Callable[[Any], Any], within: A
 
 
 geometric = _through(lambda x: np.log(np.maximum(x, FLOOR)), np.exp, t_interval)
-"""Pool by the geometric mean, because estimators are compared by ratios."""
+"""Pool by computing the geometric mean, because ratios are used to compare estimators."""
 
 mean = _through(np.asarray, np.asarray, mean_interval)
-"""Pool by the mean."""
+"""Pool by computing the mean."""
 
 root_mean_square = _through(np.square, lambda x: np.sqrt(max(0.0, x)), mean_interval)
-"""Pool by the root of the mean square."""
+"""Pool by computing the root of the mean square."""
 
 
 def median(columns: Columns, name: str) -> Pooled:
-    """Pool by the median; the time of a run that never settles counts as infinite."""
+    """Pool by computing the median; the time of a run that never settles counts as infinite."""
     could = (columns["changed"] > 0) & ~np.isnan(columns["never_settled"])
     if not could.any():
         return {name: None, f"{name}_interval": None}
@@ -92,7 +101,7 @@ def count(columns: Columns, name: str) -> Pooled:
 
 
 def count_kept(columns: Columns, name: str) -> Pooled:
-    """Count the runs in which the score is true, except diverged runs (counted separately)."""
+    """Count the runs in which the score is true, without the runs that diverged."""
     return {name: int(np.sum((columns[name] > 0) & ~(columns["diverged"] > 0)))}
 
 
@@ -102,9 +111,9 @@ def deviation(bias: str, lost: str) -> Pool:
     Parameters
     ----------
     bias : str
-        Name of the score for the mean over the same samples.
+        Name of the score that is the mean of the error over the same samples.
     lost : str
-        Name of the score that is true if the run had diverged by then.
+        Name of the score that is true if the run diverged before the end of these samples.
     """
 
     def pooled(columns: Columns, name: str) -> Pooled:
@@ -121,7 +130,7 @@ def deviation(bias: str, lost: str) -> Pool:
 
 
 def parts(names: Iterable[str]) -> Pool:
-    """Return a function that pools a score with several parts, by the mean of each part."""
+    """Return a function that pools a score with several parts by computing the mean of each."""
 
     def pooled(columns: Columns, name: str) -> Pooled:
         each = {part: values(columns, f"{name}.{part}") for part in names}
@@ -132,10 +141,10 @@ def parts(names: Iterable[str]) -> Pool:
 
 
 def detections(names: Sequence[str]) -> Pool:
-    """Return a function that pools the detection scores by the mean of each part.
+    """Return a function that pools the detection scores by computing the mean of each part.
 
-    ``missed`` is the share of faults without a finding; a failed run counts as missing its faults.
-    ``calm`` is the total time outside the windows of faults, in which every alarm is false.
+    ``missed`` is the share of faults without a finding; all faults of a failed run count as missed.
+    ``calm`` is the total time outside the windows of faults [s], in which every alarm is false.
     ``false_alarms_interval`` is the interval of the number of false alarms per 1000 s.
     """
 
@@ -167,9 +176,9 @@ def spread(std: ArrayLike, bias: ArrayLike, lost: Any = False) -> float:
     Parameters
     ----------
     std, bias : (n,) array_like
-        Root mean square and mean of the error of each run.
+        Root mean square and mean of the error in each run.
     lost : (n,) array_like of bool, optional
-        Whether a run had diverged by then.
+        True for each run that diverged before the end of the samples in question.
     """
     square, whole = np.mean(np.square(std)), ~np.broadcast_to(lost, np.shape(std))
     constant = whole.mean() * np.mean(np.asarray(bias)[whole]) ** 2 if whole.any() else 0.0
@@ -186,7 +195,7 @@ def excess(each: Array, lost: NDArray[np.bool_], biases: Array, information: Arr
     each : ndarray (n,)
         Excess error of each run.
     lost : ndarray (n,) of bool
-        Whether a run had diverged; diverged runs keep their full excess error.
+        True for each run that diverged; the common bias is not subtracted from diverged runs.
     biases : ndarray (n, p)
         Bias of each parameter in each run [% of nominal].
     information : ndarray (p, p)

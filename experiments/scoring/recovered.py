@@ -1,4 +1,4 @@
-"""How much of the tracking error due to a fault a controller avoids by using estimates."""
+"""Share of the tracking error due to a fault that a controller avoids by using estimates."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -28,12 +28,14 @@ def recovered_of(track: Track, i: int) -> float | None:
 
 
 def recovered_told_of(track: Track, i: int) -> float | None:
-    """Return the share [%] that a controller with the true parameters avoids."""
+    """Return the share [%] of the tracking error that true parameters would avoid."""
     return recovered(track.tracking, "told")
 
 
 def recovered(tracking: Mapping[str, float] | None, loop: str) -> float | None:
-    """Return 100 (frozen − loop)/(frozen − without_fault), or None for a fault of little effect.
+    """Return 100 (frozen − loop)/(frozen − without_fault), in terms of rms tracking errors.
+
+    The result is None if the fault increases the tracking error by less than `COSTS`.
 
     Examples
     --------
@@ -50,7 +52,7 @@ def recovered(tracking: Mapping[str, float] | None, loop: str) -> float | None:
 
 
 class TrueParameters:
-    """An estimator that returns the true parameters of the next sample."""
+    """An estimator that returns the parameters that are true at the next sample."""
 
     output = "speed"
 
@@ -64,23 +66,24 @@ class TrueParameters:
 
 
 def tracking(scenario: Scenario, seed: int, estimator: Any) -> Mapping[str, float] | None:
-    """Return how well the motor follows its reference in the 5 s after the first fault.
+    """Return the rms tracking errors of the motor in the window after the first fault.
 
     Parameters
     ----------
     scenario : Scenario
-        Scenario whose onset is not drawn yet.
+        Scenario before the onset is drawn.
     seed : int
+        Seed from which the onset and the noise are drawn.
     estimator : Estimator
         Estimator in its initial state. The controller uses its estimates.
 
     Returns
     -------
     mapping of str to float, or None
-        ``frozen``, ``told`` and ``estimated`` are the rms tracking errors [rad] with the fault, if
+        ``frozen``, ``told`` and ``estimated`` are the rms tracking errors [rad] with the fault if
         the controller uses nominal, true or estimated parameters. ``without_fault`` is the rms
         tracking error without the fault [rad]. ``limited`` is the number of samples at which limits
-        acted on the estimates. The result is None if there is no feed-forward or no fault.
+        acted on the estimates. The result is None without an adaptive feed-forward or a fault.
     """
     if scenario.controller.adapt is None or not scenario.fault:
         return None

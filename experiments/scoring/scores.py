@@ -1,8 +1,8 @@
-"""Scores of one case: one estimator on one record against the true parameters.
+"""Scores of one case, that is, of one estimator on one record.
 
 Errors θ̃ = θ̂ − θ_true are in per cent of nominal. After a fault, the errors of the parameter that
-changed are in units of the size of the fault, D = |θ_after − θ_before|. docs/scores.md defines the
-scores in words.
+changed are divided by the size of the fault, D = |θ_after − θ_before|. docs/scores.md defines all
+scores.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -26,19 +26,20 @@ from flexaxis.sim.scenario import Scenario
 
 Array = NDArray[np.float64]
 
-AFTER = 2.0  # s at the end of a window in which the std after the fault is computed
+AFTER = 2.0  # s at the end of a window, from which the std after the fault is computed
 
 
-AT_BOUND = 1.0  # s at a limit after which a run counts as diverged
-BOX = (0.1, 10.0)  # limits of estimates over nominal, the same for all estimators
-EDGE = 1e-6  # an estimate counts as at the limit within this distance, relative to the limit
+AT_BOUND = 1.0  # s; a run whose estimate is at a limit for longer counts as diverged
+BOX = (0.1, 10.0)  # limits of estimates relative to nominal, the same for all estimators
+EDGE = 1e-6  # relative distance from a limit within which an estimate counts as at the limit
 
 
 def box(nominal: Array, truth: Array) -> tuple[Array, Array]:
     """Return the plausibility limits of estimates, 0.1 and 10 × nominal, each (p,).
 
-    The limits are the same for every estimator, whatever its own bounds. If the true values (N, p)
-    exceed the limits, the limits are widened by the same factor again.
+    The limits are the same for every estimator, even if the estimator has bounds of its own. If the
+    true values (N, p) reach or exceed a limit, this limit is moved: the lower one to the smallest
+    true value minus nominal, the upper one to the largest true value plus 10 × nominal.
     """
     lower, upper = np.sort(np.outer(BOX, nominal), axis=0)
     low, high, room = truth.min(axis=0), truth.max(axis=0), abs(nominal)
@@ -49,8 +50,8 @@ def box(nominal: Array, truth: Array) -> tuple[Array, Array]:
 def loss(theta: Array, edges: tuple[Array, Array], period: float) -> int | None:
     """Return the sample at which a run (N, p) diverges, or None.
 
-    A run diverges if an estimate is not finite, or if it stays at or beyond a limit for more than
-    1 s. The result is the first of these samples.
+    A run diverges if an estimate is not finite, or if an estimate is at or beyond a limit for more
+    than 1 s. The result is the first of these samples.
     """
     lower, upper = edges
     room = EDGE * np.minimum(abs(lower), abs(upper))
@@ -66,28 +67,31 @@ def loss(theta: Array, edges: tuple[Array, Array], period: float) -> int | None:
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """Estimates of one estimator on one record, with the true values and scoring windows.
+    """Estimates of one estimator on one record, true values, and scoring windows.
 
     Attributes
     ----------
     scenario : Scenario
         Scenario of the record.
     names : tuple of str
-        Estimated parameters, such as ``("k_T", "1/J_a", "f_m")``.
+        Names of the estimated parameters, such as ``("k_T", "1/J_a", "f_m")``.
     theta : ndarray (N, p)
-        Estimates θ[k], which use y[0..k].
+        Estimates; θ[k] is computed from y[0] to y[k].
     true_parameters : ndarray (N, P)
         True physical parameters, in the order of `Scenario.parameter_names`.
     torque : ndarray (N,), optional
         Torque of the record [N m], for the bounds.
     claimed : ndarray (p, p), optional
-        Covariance that the estimator reports at the last sample before the first fault.
+        Covariance that the estimator reports before the first fault, at the sample `claimed_at`.
     innovations : ndarray (N, 2), optional
-        Innovations y − ŷ, computed before y is used, and the variances that the estimator reports.
+        Innovations y − ŷ, computed before the estimator uses y, and their variances as the
+        estimator reports them.
     findings : sequence, optional
-        Reported changes, each with ``alarm`` (sample) and ``parameters`` (names).
+        Changes that the estimator reports, each with attributes ``alarm`` (sample of the alarm) and
+        ``parameters`` (names of the parameters that changed).
     failed : bool
-        Whether the estimator raised an exception or its process died; then it has no estimates.
+        Whether the estimator raised an exception or its process died; a failed estimator has no
+        estimates.
     tracking : mapping, optional
         Tracking errors of a controller that uses the estimates, from `scoring.recovered.tracking`.
     memo : dict
@@ -125,8 +129,9 @@ class Track:
     def lost(self) -> int | None:
         """Sample at which the run diverges, or None.
 
-        A law parameter has no lower limit, because an axis may lack this kind of friction. A law
-        parameter that is not in `identify` has no limits, because the plant may not have it.
+        A parameter of a friction law has no lower limit, because an axis may lack this kind of
+        friction. A parameter of a law that is not in `identify` has no upper limit either, because
+        the plant may not have this law.
         """
         law = [name in LAW_NAMES for name in self.names]
         besides = [name in LAW_NAMES and name not in self.scenario.identify for name in self.names]
@@ -135,9 +140,9 @@ class Track:
         return loss(self._judged(law), edges, self.scenario.period)
 
     def _judged(self, law: Sequence[bool]) -> Array:
-        """Return θ (N, p), with true values for law parameters until the end of burn-in.
+        """Return θ (N, p), with true values for parameters of laws until the end of burn-in.
 
-        Estimators that have no prior values for law parameters can start anywhere.
+        Estimators are not told initial values of these parameters, so any initial value is allowed.
         """
         if not any(law):
             return self.theta
@@ -146,9 +151,10 @@ class Track:
 
     @cached_property
     def error(self) -> Array:
-        """θ̃ (N, p) as scored: once a run diverges, θ̂ is assumed to stay at the farther limit.
+        """θ̃ (N, p) as scored: after a run diverges, θ̂ is replaced by the farther limit.
 
-        Errors are clipped at the same limit, so diverging never improves a score.
+        Before that, errors are clipped to the distance of the same limit, so an estimator never
+        improves a score by diverging.
         """
         lower, upper = self.box
         below, above = self.truth - lower, upper - self.truth
@@ -180,29 +186,29 @@ class Track:
         return self.lost is not None and bool((self.quiet >= self.lost).any())
 
     def lost_by_end(self, i: int) -> bool:
-        """Return whether the run diverged before the end of the last window of a parameter."""
+        """Return whether the run diverged before the end of the last window of parameter i."""
         last = max((window.stop for window in self.windows_of(i)), default=0)
         return self.lost is not None and self.lost < last
 
     def once(self, name: str, made: Callable[[], Any]) -> Any:
-        """Return an intermediate result from the cache, and compute it on first use."""
+        """Return an intermediate result by name, computed on first use and cached afterwards."""
         if name not in self.memo:
             self.memo[name] = made()
         return self.memo[name]
 
     def windows_of(self, i: int) -> list[Window]:
-        """Return the windows of one estimated parameter."""
+        """Return the windows after changes of the estimated parameter i."""
         return [w for w in self.windows if w.parameter == physical(self.names[i])[0]]
 
     def relative(self, i: int) -> list[Array]:
-        """Return θ̃/D in each window of one estimated parameter."""
+        """Return θ̃/D in each window of the estimated parameter i."""
         return self.once(
             f"relative {i}",
             lambda: [self.error[w.start : w.stop, i] / w.D for w in self.windows_of(i)],
         )
 
     def ends(self, i: int) -> Array:
-        """Return θ̃ [%] in the last 2 s of each window of one parameter, except short windows."""
+        """Return θ̃ [%] in the last 2 s of all windows of parameter i that are longer than 2 s."""
         length = round(AFTER / self.scenario.period)
         parts = [
             self.percent[w.stop - length : w.stop, i]
@@ -215,11 +221,12 @@ class Track:
 def failed_track(scenario: Scenario, true_parameters: Array, torque: Array | None = None) -> Track:
     """Return the track of a failed case, which counts as diverged from its first sample on.
 
-    Its estimates are NaN for each parameter of `identify`.
+    The estimates in this track are NaN for each parameter of `identify`.
 
     Parameters
     ----------
     scenario : Scenario
+        Scenario of the record.
     true_parameters : ndarray (N, P)
         True physical parameters of the record.
     torque : ndarray (N,), optional
@@ -231,12 +238,12 @@ def failed_track(scenario: Scenario, true_parameters: Array, torque: Array | Non
 
 
 def lag(relative: Array, period: float) -> Any:
-    """Return the lag [s] of θ̃/D (n, …) along its first axis: T Σ |θ̃|/D."""
+    """Return the lag T Σ |θ̃|/D [s], summed along the first axis of θ̃/D (n, …)."""
     return period * np.abs(relative).sum(axis=0)
 
 
 def settling(relative: Array, level: float, period: float) -> float | None:
-    """Return the time [s] after which θ̃/D (n,) stays within ±level, or None if it never does."""
+    """Return the time [s] from which θ̃/D (n,) is within ±level to the end, or None without one."""
     outside = np.flatnonzero(~(np.abs(relative) <= level))  # NaN counts as outside
     settled = 0 if not outside.size else int(outside[-1]) + 1
     return None if settled == len(relative) else settled * period
@@ -248,7 +255,7 @@ def rms(values: Array) -> Any:
 
 
 def finite(value: float) -> float | None:
-    """Return a number, or None if it is not finite."""
+    """Return a number if it is finite, and None otherwise."""
     return float(value) if np.isfinite(value) else None
 
 
@@ -262,7 +269,11 @@ def lag_of(track: Track, i: int) -> float | None:
 
 
 def t10_of(track: Track, i: int) -> float | None:
-    """Return the mean time [s] after which θ̃ stays within ±0.1 D, or None if it does not."""
+    """Return the mean time [s] after which θ̃ stays within ±0.1 D until the end of the window.
+
+    The result is None if the run diverges, if no window exists, or if θ̃ is outside at the end of
+    any window.
+    """
     times = [settling(part, 0.1, track.scenario.period) for part in track.relative(i)]
     if track.lost is not None or not times or None in times:
         return None
@@ -302,6 +313,6 @@ def cross_talk_of(track: Track, i: int) -> float | None:
 
 
 def lost_at_of(track: Track, i: int) -> float | None:
-    """Return the time at which the run diverged [s]."""
+    """Return the time at which the run diverged [s], or None if the run did not diverge."""
     del i
     return None if track.lost is None else track.lost * track.scenario.period

@@ -38,10 +38,10 @@ class Case:
     names : tuple of str
         Estimated parameters.
     curve : ndarray (M, p)
-        Every tenth estimate over its nominal value.
+        Every tenth estimate, divided by the nominal value.
     near : ndarray (W, p)
-        Every estimate around the first fault (`near_fault`), over its nominal value; (0, p)
-        without a fault.
+        Every estimate around the first fault (`near_fault`), divided by the nominal value; empty
+        (0, p) without a fault.
     rows : list of dict
         Scores, one row for each parameter.
     theta : ndarray (N, p) or None
@@ -59,15 +59,18 @@ def scored(
     track: Track, *, identity: Mapping[str, Any], cost: Mapping[str, Any],
     written: Scenario | None = None,
 ) -> Case:  # fmt: skip
-    """Return the case of a track: its rows, and the curves for its figures.
+    """Compute the scores of a track, and the curves for its figures.
 
     Parameters
     ----------
     track : Track
+        Estimates and true values of the run.
     identity, cost : mapping
-        Columns of each row before and after the scores.
+        Columns that each row contains in addition to the scores: `identity` before the scores, and
+        `cost` as the last column.
     written : Scenario, optional
-        Scenario whose onset is not drawn. Curves of all runs are shifted to this onset.
+        Scenario before the onset is drawn. Curves of all runs are shifted to the onset of this
+        scenario.
     """
     late = later(track.scenario, written or track.scenario)
     with np.errstate(over="ignore", invalid="ignore"):  # a diverged run may have any values
@@ -93,12 +96,13 @@ def pool_rows(rows: Rows, scenario: Scenario) -> list[dict[str, Any]]:
     rows : iterable of mapping, or DataFrame
         One row per run and parameter.
     scenario : Scenario
+        Scenario of the runs.
 
     Returns
     -------
     list of dict
-        Scores pooled as in `scoring.score_table.SCORES`, the number of `seeds`, and the median
-        `cost`.
+        Rows of scores, pooled as `scoring.score_table.SCORES` defines; each row also contains the
+        number of `seeds` and the median `cost`.
     """
     by_name = dict(tuple(_flat(rows).groupby("parameter", sort=False)))
     columns = {name: columns_of(own) for name, own in by_name.items()}
@@ -112,13 +116,15 @@ def pool_rows(rows: Rows, scenario: Scenario) -> list[dict[str, Any]]:
 
 
 def _flat(rows: Rows) -> pd.DataFrame:
-    """Return rows as a table sorted by seed; nested tables become columns with dotted names."""
+    """Return a table sorted by seed; nested mappings in the rows become columns named ``a.b``."""
     frame = rows if isinstance(rows, pd.DataFrame) else pd.json_normalize(list(rows))
     return frame.sort_values("seed", kind="stable") if "seed" in frame else frame
 
 
 def columns_of(rows: Rows) -> dict[str, Array]:
-    """Return the numbers of rows as columns, with dotted names for nested tables, and NaN for null.
+    """Return the numbers in rows as columns, with NaN for None.
+
+    The columns for nested mappings are named ``a.b``.
 
     Parameters
     ----------
@@ -158,7 +164,7 @@ def pool_columns(columns: pooling.Columns, names: Iterable[str] | None = None) -
 
 
 def cost(columns: pooling.Columns) -> dict[str, Any]:
-    """Return the median time per sample."""
+    """Return the median computing time per sample [µs]."""
     us = pooling.by(np.median)(columns, "cost.us_per_sample")["cost.us_per_sample"]
     return {"cost": {"us_per_sample": us}}
 
@@ -171,8 +177,8 @@ def excess(by_name: Mapping[str, pooling.Columns], scenario: Scenario) -> dict[s
     by_name : mapping of str to columns
         Columns of each estimated parameter, for the same runs of one scenario.
     scenario : Scenario
-        Scenario whose `identify` lists the parameters of the common bias. A parameter that the
-        estimator does not estimate counts as unbiased.
+        Scenario of the runs. The common bias is computed for the parameters of `identify`; a
+        parameter that the estimator does not estimate counts as unbiased.
     """
     first = next(iter(by_name.values()))
     each, lost = first["excess"], first["lost_before"] > 0

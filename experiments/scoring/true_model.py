@@ -1,4 +1,4 @@
-"""The estimators' model with the true laws and parameters of an axis, and its gradient."""
+"""The estimators' model with the true laws and parameters of an axis, and the model's gradient."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -28,7 +28,7 @@ from flexaxis.sim.scenario import Scenario
 
 Array = NDArray[np.float64]
 
-STIFF = 1e5  # N m/rad: stiff enough for Coulomb friction; ten times less moves a bound by 1–2 %
+STIFF = 1e5  # N m/rad, bristle stiffness for Coulomb friction; with 1e4, a bound changes by 1–2 %
 
 
 @dataclass(frozen=True)
@@ -38,11 +38,12 @@ class Described:
     Attributes
     ----------
     law : Law
-        Law of the estimators' models for this table.
+        Law that represents this table in the estimators' models.
     values : callable
-        ``values(table)`` returns the law parameters that the plant does not have.
+        ``values(table)`` returns those parameters of the law that the plant does not have.
     beside : tuple of Law
-        Other laws that the table needs, such as the law that provides its load.
+        Other laws that the model needs for this table, such as the spring law that provides the
+        load of gear friction.
     """
 
     law: Law
@@ -50,14 +51,14 @@ class Described:
     beside: tuple[Law, ...] = ()
 
 
-PRIOR = 0.5  # relative standard deviation of a parameter before anything is measured
+PRIOR = 0.5  # relative standard deviation of a parameter before the first measurement
 PHASES = ("c_sin", "c_cos")
 SHARES = ("mu_m", "mu_e", "mu_ms", "mu_es", "sharpness")
 COULOMB = {"f_s": 0.0, "v_s": 0.0, "sigma_0": STIFF, "sigma_1": 0.0, "v_0": 0.0}
 
 
 def _shares(table: Any) -> dict[str, float]:
-    """Return the parameters of load-dependent friction that the plant does not have."""
+    """Return those parameters of load-dependent friction that are not parameters of the plant."""
     shares = {"mu_m": table.motor, "mu_e": table.external}
     slow = {"mu_ms": table.motor_slow, "mu_es": table.external_slow}
     return shares | slow | {"sharpness": table.alpha}
@@ -83,28 +84,28 @@ DESCRIBED: Mapping[str, Described] = {
 """Tables of a scenario that have a law in the estimators' models, keyed by name."""
 
 DRY = ("friction", "lugre", "static_friction", "gear_friction")
-"""Tables whose laws share parameters, so a model can have only one of them."""
+"""Tables with laws that share parameters; a model can include only one of these tables."""
 
 
 def describes(scenario: Scenario) -> bool:
-    """Return whether an estimators' model with the true parameters describes the records."""
+    """Return whether a model of the estimators describes the records, given true parameters."""
     tables = scenario.tables
     known = has_model(scenario) and all(t.exact or key in DESCRIBED for key, t in tables.items())
     return known and sum(key in tables for key in DRY) <= 1
 
 
 def reads_encoder(scenario: Scenario) -> bool:
-    """Return whether estimators read the angle of an encoder, or its increments."""
+    """Return whether estimators read the angle of an encoder, or increments of this angle."""
     return scenario.output in {"angle", "increment"}
 
 
 def linear_model(scenario: Scenario, values: Mapping[str, float]) -> Model:
-    """Return the linear model of an axis, with the signal that predictors read as its output."""
+    """Return the linear model of an axis; the output of the model is the signal of predictors."""
     return SIGNALS[scenario.output].predicted(axis_model(scenario, values), scenario.period)
 
 
 def true_model(scenario: Scenario, parameters: Array) -> Model:
-    """Return the model of an axis with its laws, for the speed or the angle of an encoder."""
+    """Return the model of an axis with its laws; the output is a speed or an encoder angle."""
     laws: list[Law] = []
     for part in _described(scenario).values():
         laws += [law for law in (part.law, *part.beside) if law not in laws]
@@ -116,7 +117,7 @@ def true_model(scenario: Scenario, parameters: Array) -> Model:
 
 
 def _values(scenario: Scenario, parameters: Array) -> dict[str, float]:
-    """Return all parameters of the model by name, from the parameters of the plant (P,)."""
+    """Return all parameters of the model by name, given the parameters (P,) of the plant."""
     values: dict[str, float] = {}
     for key, part in _described(scenario).items():
         values |= part.values(scenario.tables[key])
@@ -124,7 +125,7 @@ def _values(scenario: Scenario, parameters: Array) -> dict[str, float]:
 
 
 def model_theta(scenario: Scenario, names: Sequence[str], parameters: Array) -> Array:
-    """Return the values (p,) of estimated parameters, from the parameters of the plant (P,)."""
+    """Return the values (p,) of estimated parameters, given the parameters (P,) of the plant."""
     values = _values(scenario, parameters)
     return true_theta(names, np.array(list(values.values())), tuple(values))
 
@@ -135,10 +136,11 @@ def tracked(scenario: Scenario, names: Sequence[str]) -> tuple[str, ...]:
 
 
 def untold(scenario: Scenario, names: Sequence[str]) -> dict[str, float]:
-    """Return the parameters besides `names` that estimators are not told exactly.
+    """Return the parameters, other than `names`, for which estimators receive no exact value.
 
-    The values are prior standard deviations relative to the parameter: the rms of the errors if
-    values are known with errors, and `PRIOR` for a parameter of a law.
+    The values of the result are prior standard deviations, divided by the parameter. They are equal
+    to the rms relative error of all received values for a parameter that is received with an error,
+    and to `PRIOR` for a parameter of a law.
     """
     model, factors = true_model(scenario, scenario.unchanged), scenario.known_factors
     error = float(np.sqrt(np.mean(np.square(np.log([1.0, *factors.values()])))))
@@ -151,8 +153,8 @@ def untold(scenario: Scenario, names: Sequence[str]) -> dict[str, float]:
 def sizes(scenario: Scenario, names: Sequence[str], theta: Array) -> Array:
     """Return the scales (p,) of the parameters θ (p,), from which a prior is computed.
 
-    The scale of a parameter is its value. If a friction parameter has dropped to zero, its scale is
-    the value before; the scale of both cogging coefficients is the amplitude.
+    The scale of a parameter is its value in `theta`. If this value is zero, the scale is the
+    initial value or, for the two cogging coefficients, the initial amplitude.
     """
     nominal = np.array(list(scenario.initial.values()))
     values = _values(scenario, nominal)
@@ -169,10 +171,10 @@ def _described(scenario: Scenario) -> dict[str, Described]:
 
 
 FINER = 2
-"""Number of integration steps relative to the number that estimators with laws use.
+"""Number of integration steps, divided by the number in estimators with laws.
 
-With this value, the tests show errors of the bounds up to 3 %. With Coulomb friction, which is
-almost discontinuous, the lag bound differs by up to 7 % from the value for 16 times the steps.
+With this value, tests find errors of the bounds up to 3 %. With Coulomb friction, a law that is
+almost discontinuous, the lag bound differs by up to 7 % from the bound for 16 times the steps.
 """
 
 
@@ -185,7 +187,7 @@ def jump_gradient(
     period: float,
 ) -> Array:
     """
-    Return the gradient ψ₀ (N, p) at the N samples from a jump on.
+    Return the gradient ψ₀ (N, p) at N samples, of which the first is the sample of the jump.
 
     The state at the jump does not depend on the new θ, so the sensitivities start at zero, and
     information accumulates more slowly than in steady state.
@@ -193,12 +195,13 @@ def jump_gradient(
     Parameters
     ----------
     model : Parametrization
+        Model with its unknown parameters.
     theta : (p,) array_like
         Parameters after the jump.
     u : (N,) array_like
         Torque from the jump on [N m].
     x : (n,) array_like
-        State at the jump, including the states of laws.
+        State of the model at the jump, including the states of laws.
     period : float
         Sampling period T [s].
     """

@@ -1,4 +1,4 @@
-"""The samples that are scored: the quiet time before a fault, and the window after it."""
+"""The samples that are scored: the quiet time before a fault, and the window after the fault."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -20,14 +20,14 @@ OfScenario = Callable[Concatenate[Scenario, P], T]
 
 @dataclass(frozen=True)
 class Known:
-    """An argument of a cached function, compared by a digest of its content."""
+    """An argument of a cached function; two arguments are equal if their digests are equal."""
 
     digest: str
     content: Any = field(compare=False)
 
 
 def remembered(by: str = "hash") -> Callable[[OfScenario[P, T]], OfScenario[P, T]]:
-    """Cache a function of a scenario, keyed by the hash of its content or by another digest."""
+    """Cache a function of a scenario; the key is `Scenario.hash` or another digest."""
 
     def of(function: OfScenario[P, T]) -> OfScenario[P, T]:
         @lru_cache(maxsize=256)
@@ -44,9 +44,9 @@ def remembered(by: str = "hash") -> Callable[[OfScenario[P, T]], OfScenario[P, T
     return of
 
 
-WINDOW = 5.0  # s scored after a fault, unless another event comes first
-QUIET = 5.0  # s of excitation before the first onset, over which std and bias are computed
-QUIET_WITHOUT_FAULT = 10.0  # s at the end of a run without a fault, for the same purpose
+WINDOW = 5.0  # s after a fault that are scored, unless another event occurs earlier
+QUIET = 5.0  # s of excitation before the first onset, from which std and bias are computed
+QUIET_WITHOUT_FAULT = 10.0  # the same at the end of a run without a fault [s]
 
 
 @dataclass(frozen=True)
@@ -65,10 +65,11 @@ class Window:
 def windows(scenario: Scenario, names: Sequence[str]) -> list[Window]:
     """Return the scored window of each event, in order of time.
 
-    A window starts at the fault or, in a pause of the excitation, when the excitation returns. A
-    window ends after 5 s, at the next event, or at the end of the record. Several changes of a
-    parameter in one pause have one window, with the size of the total change. If the parameter is
-    not estimated, the size is NaN, and the window serves to measure the cross-talk of the others.
+    A window starts at the fault or, if the excitation pauses at that time, when the excitation
+    returns. A window ends after 5 s, at the next event, or at the end of the record. Several
+    changes of a parameter in one pause have one window, and `D` is the size of the total change. If
+    the parameter is not estimated, `D` is NaN, and the window is used only for the cross-talk of
+    the other parameters.
     """
     return list(_windows(scenario, tuple(names)))
 
@@ -102,7 +103,7 @@ def _size(before: float, after: float, changed: str, names: Sequence[str]) -> fl
 
 
 def claimed_at(scenario: Scenario) -> int:
-    """Return the sample at which the covariance that an estimator reports is read.
+    """Return the sample at which the covariance reported by an estimator is recorded.
 
     The result is the last sample before the whole second in which the first fault occurs. Without a
     fault, or with a fault in the first second, it is the last sample of the run.
@@ -117,7 +118,8 @@ def quiet(scenario: Scenario) -> NDArray[np.intp]:
     """Return the samples over which std and bias are computed.
 
     The samples are the last 5 s with excitation between burn-in and the first onset. Without a
-    fault, they are the last 10 s, or the last half of a run shorter than 20 s.
+    fault, the samples are the last 10 s of the run, or the last half if the run is shorter than
+    20 s.
     """
     events = scenario.events()
     if not events:
