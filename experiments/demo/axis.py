@@ -1,4 +1,4 @@
-"""The axis in closed loop; faults, friction, noise and excitation may change while it runs."""
+"""Simulate the axis in closed loop; parameters, friction, noise and excitation can be changed."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -28,7 +28,10 @@ FRICTION: Mapping[str, Mapping[str, Any]] = {
         }
     },
 }  # fmt: skip
-"""Choices of dry friction: tables of a scenario, keyed by name. The rms torque is 0.85 N m."""
+"""Choices of dry friction: tables of a scenario, keyed by the name of the choice.
+
+For comparison, the rms torque of the motor is 0.85 N m.
+"""
 
 EXCITATION = ("on", "stop-and-go", "off")
 SPELL = 10.0
@@ -36,26 +39,27 @@ SPELL = 10.0
 
 
 class LiveAxis:
-    """An axis in closed loop, which can be advanced by any number of samples.
+    """An axis in closed loop, which is simulated step by step.
 
     Parameters
     ----------
     seed : int
-        Random seed of the reference phases and the noise. The same seed and the same actions give
-        the same run.
+        Random seed of the reference phases and the noise. The same seed and the same actions result
+        in the same run.
 
     Attributes
     ----------
     nominal, parameters : AxisParameters
         Parameters without a fault, and current parameters.
     scenario : Scenario
-        Scenario with the current dry friction.
+        Scenario that contains the table of the current dry friction.
     samples : int
         Number of samples simulated so far.
     noise : float
-        Standard deviation of the noise on the measured speed [rad/s].
+        Standard deviation of the noise of the measured speed [rad/s].
     excitation : {"on", "stop-and-go", "off"}
-        Whether the reference moves; while it does not, it keeps its value.
+        Mode of the reference: it moves, it alternates between motion and standstill, or it rests.
+        At rest, the reference keeps its last value.
     """
 
     def __init__(self, *, seed: int = 0) -> None:
@@ -88,7 +92,7 @@ class LiveAxis:
 
     @property
     def state(self) -> Array:
-        """State (5,): twist of gear and arm [rad], speed of motor, gear and arm [rad/s]."""
+        """State (5,): twists of gear and arm [rad], and speeds of motor, gear and arm [rad/s]."""
         motor, gear, arm = self.angles
         return np.array([self.parameters.r * motor - gear, gear - arm, *self._plant.speeds[0]])
 
@@ -98,19 +102,22 @@ class LiveAxis:
         return np.array([*self.parameters.values(), *self.scenario.laws.values()])
 
     def theta(self, names: Sequence[str]) -> Array:
-        """Return the true values (p,) of estimated parameters; f_c is 0 without dry friction."""
+        """Return the true values (p,) of the parameters `names`; f_c is 0 without dry friction."""
         values = {"f_c": 0.0} | self.parameters.as_dict() | self.scenario.laws
         return true_theta(names, np.array([*values.values()]), tuple(values))
 
     def set_factors(self, factors: Mapping[str, float]) -> None:
-        """Set some parameters to a multiple of nominal, and all others to nominal."""
+        """Set some parameters to multiples of their nominal values, and all others to nominal.
+
+        `factors` contains the multiples, keyed by parameter.
+        """
         values = {n: v * factors.get(n, 1.0) for n, v in self.nominal.as_dict().items()}
         parameters = AxisParameters(**values)
         self._plant.set_parameters([parameters])
         self.parameters = parameters
 
     def set_friction(self, kind: str) -> None:
-        """Switch to another entry of `FRICTION`; angles and speeds do not change."""
+        """Change the dry friction to an entry of `FRICTION`, without changing angles and speeds."""
         content = {"name": "live", "duration": 1.0, "preset": "n1", **FRICTION[kind]}
         self.scenario = scenario_from(content, source="live axis")
         laws, old = [*self.scenario.nonlinear.values()], self._plant
@@ -121,12 +128,14 @@ class LiveAxis:
             self._plant.angles[:], self._plant.speeds[:] = old.angles, old.speeds
 
     def advance(self, samples: int) -> tuple[Array, Array, NDArray[np.bool_]]:
-        """Simulate some samples.
+        """Simulate the next samples.
+
+        `samples` is the number of samples.
 
         Returns
         -------
         torque, speed, excited : ndarray (samples,)
-            Torque [N m], measured speed [rad/s], and whether the reference moves.
+            Torque [N m], measured speed [rad/s], and whether the reference moves at each sample.
         """
         torque, speed = np.empty((2, samples))
         excited = np.empty(samples, bool)

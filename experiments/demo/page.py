@@ -1,4 +1,4 @@
-"""The page of the demo: the axis in 3-D, buttons, sliders, curves and tables."""
+"""The page of the demo, which shows the axis in 3-D, buttons, sliders, curves and tables."""
 
 import threading
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -31,24 +31,28 @@ SINCE = {"time": False, "distr": 3, "range": (PERIOD, LENGTH * PERIOD)}
 TWIST = 100.0
 """Magnification of the joint twist in the picture."""
 LATEST = 8
-"""Number of changes in the table."""
+"""Number of changes in the table; it contains the latest ones."""
 
 
 class Page:
-    """The page of a session, with a lock so that clicks do not interfere with the simulation.
+    """The page of a session; a lock prevents clicks from interfering with the simulation.
 
     Parameters
     ----------
     server : viser.ViserServer
+        Server that displays the page.
     session : DemoSession
+        Session that the page shows and controls.
     acts : list of dict
         Timed actions of a lesson, as `flexaxis.experiments.demo.serve.load_lesson` returns them.
 
     Attributes
     ----------
     paused : bool
+        Whether a viewer has paused the session.
     steps : int
-        Number of single steps (`MARK` samples each) that viewers have requested.
+        Number of single steps (`MARK` samples each) that viewers have requested and that have not
+        been simulated yet.
     """
 
     def __init__(self, server: Any, session: DemoSession, acts: list[dict[str, Any]]) -> None:
@@ -65,7 +69,7 @@ class Page:
         self._add_curves()
 
     def advance(self, samples: int) -> None:
-        """Advance the session by some samples, and do the actions of the lesson that are due."""
+        """Simulate the next samples, then perform the actions of the lesson that are due."""
         with self._lock:
             self._session.advance(samples)
             while self._acts and self._acts[0]["at"] <= self._session.axis.time:
@@ -154,7 +158,7 @@ class Page:
     def _on(
         self, control: Any, action: str, *values: str, then: Callable[[], None] = lambda: None
     ) -> None:
-        """Call an action of the session when a viewer sets a control to an allowed value."""
+        """Make a control call an action of the session when a viewer selects an allowed value."""
 
         def act(event: Any) -> None:
             value = control.value
@@ -169,7 +173,7 @@ class Page:
             self._session.do(action, *values)
 
     def _show(self, letter: str, sliders: Mapping[str, Any]) -> None:
-        """Show only the sliders of an estimator's options, at their current values."""
+        """Show only the sliders for the options of an estimator, and set their current values."""
         tuning = self._session.racers["AB".index(letter)].tuning
         for option, slider in sliders.items():
             slider.visible = option in tuning
@@ -180,7 +184,7 @@ class Page:
 
 
 def _plot(gui: Any, title: str, lines: Sequence[tuple[str, str]], **scales: Any) -> Any:
-    """Add a plot of lines, each with a label and a colour; with many lines it has no legend."""
+    """Add a plot of lines, each with a label and a colour; a plot of many lines has no legend."""
     series = [
         {"label": label, "stroke": colour, "width": 0.5 if label == EDGE else 1.5}
         for label, colour in lines
@@ -196,19 +200,19 @@ def _plot(gui: Any, title: str, lines: Sequence[tuple[str, str]], **scales: Any)
 
 
 def _since(values: Array) -> tuple[Array, ...]:
-    """Return the time since a change and the columns of values (n, k), as a plot needs them."""
+    """Return the data of a plot: the time (n,) since a change, and the k columns of `values`."""
     return (PERIOD * np.arange(1.0, len(values) + 1), *values.T)
 
 
 def _table(heads: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
-    """Return an HTML table."""
+    """Return an HTML table with column heads."""
     lines = ["".join(f"<{tag}>{escape(text)}</{tag}>" for text in row)
              for tag, row in (("th", heads), *(("td", row) for row in rows))]  # fmt: skip
     return f"<table class='demo'>{''.join(f'<tr>{line}</tr>' for line in lines)}</table>"
 
 
 def _values(session: DemoSession) -> str:
-    """Return true and estimated values as an HTML table."""
+    """Return an HTML table of the true values and the estimates."""
     heads, columns = ["", "truth"], [session.axis.theta(SHOWN)]
     for letter, racer in zip("AB", session.racers, strict=True):
         heads.append(f"{letter}: {racer.text}")
@@ -221,7 +225,7 @@ def _values(session: DemoSession) -> str:
 
 
 def _changes(changes: Iterable[Change]) -> str:
-    """Return the latest changes as an HTML table: lags [s], detections and the bound."""
+    """Return an HTML table of the latest changes, with lags [s], detections and bounds [s]."""
     rows = []
     for change in [*changes][: -LATEST - 1 : -1]:
         *lags, single, unknown = map(short, change.lags)

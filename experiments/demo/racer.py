@@ -1,4 +1,4 @@
-"""An estimator of the demo, constructed by name and tuned while it runs."""
+"""An estimator of the demo, which is constructed from its name and can be tuned while it runs."""
 
 from collections.abc import Mapping
 from contextlib import suppress
@@ -21,41 +21,43 @@ Array = NDArray[np.float64]
 
 NAMES = PAPER
 SHOWN = (*NAMES, "f_c")
-"""Parameters on the page; f_c is shown only for estimators that track dry friction."""
+"""Names of the parameters on the page; only estimators that track dry friction estimate f_c."""
 HYPOTHESES = (*SHOWN, "another")
-"""Hypotheses on the page; "another" is the most likely of all the other parameters."""
+"""Hypotheses on the page; "another" stands for the most likely of all other parameters."""
 WATCHED = sample_index(5.0, PERIOD)
-"""Number of samples after a change for which the probabilities of the hypotheses are recorded."""
+"""Number of samples after a change in which the probabilities of the hypotheses are recorded."""
 SETTLE = sample_index(2.0, PERIOD)
-"""Number of samples in which a new predictor settles: five times its slowest time constant."""
+"""Settling time of a new predictor [samples]: five times its longest time constant."""
 
 TUNING: Mapping[str, tuple[str, float, float, float]] = {
     "forgetting": ("λ", 0.97, 0.9995, 0.0005),
     "scale": ("Δ / Δ of eq. (32)", 0.05, 10.0, 0.05),
     "regularization": ("μ", 0.0, 1.0, 0.01),
 }
-"""Options with a slider: its label, smallest and largest value, and step."""
+"""Slider of each option that can be tuned: label, smallest value, largest value and step."""
 
 
 class Racer:
-    """An estimator of the demo with its tuning.
+    """An estimator of the demo, and the current values of its options.
 
     Parameters
     ----------
     text : str
-        The estimator, as in `--estimator`.
+        Name of the estimator and its options, as for `--estimator`.
     nominal : AxisParameters
-        Nominal values that the estimator gets.
+        Nominal parameter values, which the estimator receives.
 
     Attributes
     ----------
     text : str
+        Name of the estimator and its options, as for `--estimator`.
     tuning : dict of str to float
-        Current values of the estimator's options that are in `TUNING`.
+        Current values of the estimator's options that are in `TUNING`, by name.
     theta : ndarray (p,)
-        Current estimate.
+        Current estimates.
     thoughts : list of ndarray (5,)
-        Probability that each of `HYPOTHESES` has jumped, for each sample since `watch`.
+        Probabilities that the parameters in `HYPOTHESES` have jumped; one array for each sample
+        since the last call of `watch`.
 
     Raises
     ------
@@ -82,7 +84,7 @@ class Racer:
 
     @property
     def deviation(self) -> Array:
-        """Reported standard deviations (4,) of `SHOWN`; NaN where the estimator reports none."""
+        """Reported standard deviations (4,) of `SHOWN`; NaN for values that are not reported."""
         covariance = getattr(self._estimator, "covariance", None)
         if covariance is None:
             return np.full(len(SHOWN), np.nan)
@@ -90,7 +92,7 @@ class Racer:
 
     @property
     def finding(self) -> str:
-        """The first change that the estimator has reported since `watch`, with its delay."""
+        """Description and delay of the first change that was reported since the call of `watch`."""
         for finding in getattr(self._estimator, "findings", None) or ():
             if finding.alarm >= self._changed:
                 changes = zip(finding.parameters, finding.ratio, strict=False)
@@ -99,17 +101,20 @@ class Racer:
         return ""
 
     def shown(self, values: Array) -> Array:
-        """Return the columns of `SHOWN` (…, 4) from values (…, p); NaN if not estimated."""
+        """Select the columns of `SHOWN` (…, 4) from `values` (…, p).
+
+        A column is NaN if the estimator does not estimate the parameter.
+        """
         missing = np.full((*values.shape[:-1], 1), np.nan)
         columns: Array = np.concatenate([values, missing], axis=-1)[..., self._columns]
         return columns
 
     def watch(self) -> None:
-        """Record probabilities and detections from now on."""
+        """Start to record probabilities and detections, and delete those of earlier changes."""
         self.thoughts, self._changed = [], self._seen
 
     def run(self, torque: Array, speed: Array) -> Array:
-        """Process samples (n,) and return the estimates (n, 4) of `SHOWN`."""
+        """Process the next samples (n,), and return the estimates (n, 4) of `SHOWN`."""
         each = hasattr(self._estimator, "hypotheses") and len(self.thoughts) < WATCHED
         estimates = []
         for part in np.split(np.stack([torque, speed]), len(torque) if each else 1, axis=1):
@@ -121,21 +126,22 @@ class Racer:
         return self.shown(np.concatenate(estimates))
 
     def tune(self, option: str, value: float, recent: Array) -> None:
-        """Set an option, and continue with the same estimate and the same P.
+        """Change an option of the estimator without changing its estimate and its P.
 
         Parameters
         ----------
         option : str
-            A key of `tuning`.
+            Name of the option, a key of `tuning`.
         value : float
+            New value of the option.
         recent : ndarray (2, n)
-            Torque and speed of the last seconds.
+            Torque [N m] and speed [rad/s] of the most recent samples.
 
         Raises
         ------
         EstimatorError, FlexaxisError
-            If the estimator has no such option or rejects the value. The estimator is then
-            unchanged.
+            If the estimator has no such option or rejects the value. In this case the estimator
+            does not change.
         """
         if option not in self.tuning:
             raise FlexaxisError(f"{self.text} has no option {option} to tune")
@@ -144,19 +150,20 @@ class Racer:
         self.join(recent, P=getattr(old, "P", None))
 
     def join(self, recent: Array, P: Array | None = None) -> None:
-        """Bring a new estimator to the state of the axis, which is already moving.
+        """Run a new estimator on recent samples, because the axis is already moving.
 
-        The first samples of the speed are passed as missing. During this gap, the predictor uses
-        only the torque, and the error of its initial state, rest, decays.
+        `recent` (2, n) contains the torque [N m] and the speed [rad/s]. The first speed samples are
+        passed as missing. During this gap, the predictor uses only the torque, and the error of its
+        initial state (at rest) decays.
         """
         self._seen = 0
         torque, speed = recent
-        if len(torque) <= SETTLE or self._spec.is_users:  # user code need not support gaps
+        if len(torque) <= SETTLE or self._spec.is_users:  # user code may not support gaps
             return
         gap = torque[:SETTLE]
         run_estimator(self._estimator, gap, np.zeros(SETTLE), np.zeros(SETTLE, bool))
         if P is not None:
-            with suppress(AttributeError):  # not every P can be set
+            with suppress(AttributeError):  # some estimators do not allow setting P
                 self._estimator.P = P  # type: ignore[attr-defined]
         self._seen = SETTLE
         self.run(torque[SETTLE:], speed[SETTLE:])
@@ -168,11 +175,11 @@ class Racer:
         return np.array([*known, max(bank.values(), default=0.0)])
 
     def _build(self, tuning: Mapping[str, float]) -> Estimator:
-        """Return a new estimator with the given tuning, which starts at the current estimate."""
+        """Make a new estimator with the options `tuning`, which starts at the current estimates."""
         values = dict(self._nominal)
         for (parameter, exponent), value in zip(map(physical, NAMES), self.theta, strict=False):
             values[parameter] = float(value) ** exponent
         spec = replace(self._spec, options={**self._spec.options, **tuning})
-        # P(0) is computed for the nominal axis, even if the estimate is far from nominal.
+        # P(0) is computed for the nominal axis, even if the estimates are far from nominal.
         P0 = known_P(NAMES, forgetting=tuning.get("forgetting"), scale=tuning.get("scale", 1))
         return make_estimator(spec, values, PERIOD, P0=P0)

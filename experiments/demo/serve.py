@@ -1,4 +1,4 @@
-"""Serve the live axis: the server, its access control, the real-time loop, and stopping."""
+"""Serve the live axis: start the server, restrict the access, and run the real-time loop."""
 
 import io
 import signal
@@ -18,11 +18,11 @@ from flexaxis.sim.files import read_text, toml_tables
 from flexaxis.sim.timing import PERIOD, sample_index
 
 HOST, PORT = "127.0.0.1", 8080
-MAX_MESSAGE = 2**16  # largest message of a viewer [bytes]; the page sends a hundredth of this
-FRAMES = 30  # frames of the 3-D picture per second
-CURVES = 4  # updates of curves and numbers per second
-BEHIND = 0.25  # largest delay that the simulation catches up [s]
-WARM = 8.0  # time simulated before the page is drawn [s], in which the estimators settle
+MAX_MESSAGE = 2**16  # largest message of a viewer [bytes]; those of the page are 100 times smaller
+FRAMES = 30  # number of frames of the 3-D picture per second
+CURVES = 4  # number of updates of curves and numbers per second
+BEHIND = 0.25  # largest delay for which the simulation makes up [s]
+WARM = 8.0  # simulated time before the page is drawn [s]; the estimators settle in this time
 
 
 def serve(
@@ -40,9 +40,9 @@ def serve(
     Parameters
     ----------
     estimators : sequence of str
-        Two estimators, as in `--estimator` (default: those of the lesson).
+        Two estimators, as for `--estimator` (default: the estimators of the lesson).
     lesson : Path, optional
-        TOML file with timed actions that replace clicks.
+        Path of a TOML file with timed actions, which replace clicks.
     seed : int, optional
         Random seed (default: the seed of the lesson, or 0).
     port : int, optional
@@ -65,7 +65,7 @@ def serve(
     stopping = Event()
 
     def stop(*_: object) -> None:
-        stopping.set()  # needed where the exception gets lost, such as in a callback of MuJoCo
+        stopping.set()  # stops the loop even if the exception is lost in a callback of MuJoCo
         raise KeyboardInterrupt
 
     for kind in (signal.SIGINT, signal.SIGTERM):
@@ -84,16 +84,17 @@ def serve(
 
 
 def load_lesson(path: Path) -> dict[str, Any]:
-    """Return a lesson: ``estimators``, ``seed``, and the tables ``[[act]]`` sorted by time.
+    """Read a lesson, and return its tables ``[[act]]`` in order of time, and its other keys.
 
-    Each ``[[act]]`` has a time ``at`` [s] and an action ``do``, which is one of
-    `flexaxis.experiments.demo.session.ACTIONS`. Optional keys are ``with``, the arguments of the
-    action, and ``say``, a message.
+    The other keys are ``estimators`` and ``seed``. Each ``[[act]]`` contains a time ``at`` [s] and
+    the name ``do`` of an action, which is one of `flexaxis.experiments.demo.session.ACTIONS`. The
+    optional keys of an ``[[act]]`` are ``with``, the arguments of the action, and ``say``, a
+    message that the page shows.
 
     Raises
     ------
     FlexaxisError
-        If the file cannot be read, or an ``[[act]]`` has no ``at`` or ``do``.
+        If the file cannot be read, or if an ``[[act]]`` does not contain ``at`` and ``do``.
     """
     lesson = toml_tables(read_text(path, FlexaxisError), source=str(path), refuse=FlexaxisError)
     acts = lesson.get("act", [])
@@ -104,7 +105,7 @@ def load_lesson(path: Path) -> dict[str, Any]:
 
 
 def start(port: int | None = None) -> Any:
-    """Return a viser server that only this computer can reach, and only from the demo's own page.
+    """Start a viser server that accepts connections only from the demo's page on this computer.
 
     Parameters
     ----------
@@ -124,9 +125,9 @@ def start(port: int | None = None) -> Any:
             f"the live demo needs viser and mjviser ({error}): pip install -e '.[demo]' "
             "in the folder of flexaxis"
         ) from None
-    with redirect_stdout(io.StringIO()), _own_pages_only():  # viser prints its own banner
+    with redirect_stdout(io.StringIO()), _own_pages_only():  # hides the banner that viser prints
         server = viser.ViserServer(host=HOST, port=port or PORT, verbose=False)
-    # Otherwise a page could request a public tunnel through viser's share server.
+    # Without this line, a page could request a public tunnel through viser's share server.
     server.request_share_url = lambda verbose=True: None  # type: ignore[method-assign]
     if port not in (None, server.get_port()):
         server.stop()
@@ -136,10 +137,10 @@ def start(port: int | None = None) -> Any:
 
 @contextmanager
 def _own_pages_only() -> Iterator[None]:
-    """Make websocket servers that start in this context refuse foreign Host and Origin headers.
+    """Make websocket servers that start in this context refuse other Host and Origin headers.
 
-    Otherwise any other page in the browser, or a host name that resolves to this computer (DNS
-    rebinding), could reach the demo. viser has no option for this.
+    Without this check, any other page in the browser could connect to the demo, either directly or
+    using a host name that resolves to this computer (DNS rebinding). viser provides no such check.
     """
     import websockets.asyncio.server as library
 
@@ -164,7 +165,7 @@ def _own_pages_only() -> Iterator[None]:
 
 
 def _loop(page: Page, server: Any, stopping: Event) -> None:
-    """Advance the session and draw the page in real time, until `stopping` is set."""
+    """Simulate the session and draw the page in real time, until `stopping` is set."""
     before, owed, next_curves = time.monotonic(), 0.0, 0.0
     while not stopping.wait(max(0.0, before + 1 / FRAMES - time.monotonic())):
         now = time.monotonic()
@@ -175,7 +176,8 @@ def _loop(page: Page, server: Any, stopping: Event) -> None:
         due, page.steps = int(owed) + page.steps * MARK, 0
         owed %= 1
         page.advance(due)
-        # viser wakes its event loop from this thread; this fails if a viewer connects or leaves.
+        # Drawing wakes viser's event loop from this thread. That can fail while a viewer connects
+        # or disconnects.
         with suppress(RuntimeError):
             page.draw_axis()
             if now >= next_curves:

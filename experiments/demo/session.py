@@ -1,4 +1,4 @@
-"""The session of the demo: an axis, two estimators on its data, and the changes of the axis."""
+"""The session of the demo: an axis, two estimators of its parameters, and a list of changes."""
 
 from collections import deque
 from collections.abc import Mapping, Sequence
@@ -17,11 +17,11 @@ from flexaxis.sim.timing import PERIOD, sample_index
 Array = NDArray[np.float64]
 
 MARK = 20
-"""Number of samples between two points of the curves."""
+"""Number of samples between successive points of the curves."""
 SPAN = 40.0
 """Length of the time window that the curves show [s]."""
 RECENT = SETTLE + sample_index(3.0, PERIOD)
-"""Number of past samples on which a newly chosen estimator runs first."""
+"""Number of past samples that a newly chosen estimator processes first."""
 DEFAULT_RACERS = ("rpem-forgetting", RECOMMENDED)
 """The paper's method and the recommended estimator."""
 
@@ -31,31 +31,35 @@ BUTTONS: Mapping[str, tuple[str, float]] = {
     "weak motor k_T × 0.9": ("k_T", 0.9),
     "soft arm k_a × 0.9": ("k_a", 0.9),
 }
-"""Faults with a button: the parameter and its factor on the nominal value."""
+"""Fault of each button: the parameter, and the ratio of its new value to the nominal value."""
 
 
 ACTIONS = ("inject", "repair", "set_friction", "set_excitation", "set_noise", "tune", "choose")
-"""Methods that a viewer or a lesson may call."""
+"""Names of the methods that a viewer or a lesson may call."""
 
 
 class DemoSession:
-    """A live axis with two estimators, faults and tuning; the caller draws it and sets its pace.
+    """A live axis and two estimators; methods change the axis and tune the estimators.
+
+    The caller decides when samples are simulated, and draws the results.
 
     Parameters
     ----------
     estimators : sequence of str
-        Two estimators, as in `--estimator`.
+        Two estimators, as for `--estimator`.
     seed : int
-        Random seed. The same seed and the same actions give the same run.
+        Random seed. The same seed and the same actions result in the same run.
 
     Attributes
     ----------
     axis : LiveAxis
+        The simulated axis.
     racers : list of Racer
         Estimators A and B.
     factors : dict of str to float
-        Current faults: factors on nominal values, keyed by parameter.
+        Current faults: ratios of parameters to their nominal values, keyed by parameter.
     changes : list of Change
+        Changes of the axis so far, and the errors of the estimators after them.
     message : str
         Description of the last action or error.
 
@@ -77,11 +81,12 @@ class DemoSession:
         self._recent = np.empty((2, 0))
 
     def advance(self, samples: int) -> None:
-        """Simulate some samples, and run both estimators on them."""
+        """Simulate the next samples, and run both estimators on these samples."""
         while samples > 0:
             n = min(samples, MARK - self.axis.samples % MARK)
             torque, speed, excited = self.axis.advance(n)
-            # No chunk crosses a mark, so the results do not depend on how often this is called.
+            # A chunk ends at each multiple of `MARK`, so that the results do not depend on the
+            # numbers of samples in successive calls.
             estimates = [racer.run(torque, speed) for racer in self.racers]
             self._recent = np.hstack([self._recent, [torque, speed]])[:, -RECENT:]
             if self.changes:
@@ -95,25 +100,25 @@ class DemoSession:
         """Return the curves of the last `SPAN` seconds, with one point per `MARK` samples.
 
         The keys are ``time`` (M,), ``truth`` (M, 4), and ``theta`` and ``deviation`` (M, 2, 4) of
-        both estimators. Columns are the parameters `SHOWN`; missing values are 0.
+        both estimators. The last axis corresponds to the parameters `SHOWN`; missing values are 0.
         """
         names = ("time", "truth", "theta", "deviation")
         columns = [np.nan_to_num(column) for column in zip(*self._marks, strict=True)]
         return dict(zip(names, columns, strict=True))
 
     def do(self, action: str, *values: Any) -> None:
-        """Call one of `ACTIONS`, and set `message` to its description or to its error."""
+        """Call a method in `ACTIONS`, and set `message` to its description or its error message."""
         try:
             if action not in ACTIONS:
                 raise FlexaxisError(unknown("action", action, ACTIONS))
             what = getattr(self, action)(*values)
-        except (ValueError, TypeError) as error:  # every error of flexaxis is a ValueError
+        except (ValueError, TypeError) as error:  # all errors of flexaxis are ValueErrors
             self.message = str(error)
         else:
             self.message = f"at {self.axis.time:.1f} s: {what}"
 
     def inject(self, parameter: str, factor: float) -> str:
-        """Set a parameter to a multiple of nominal, and record how the estimators track it."""
+        """Set a parameter to `factor` times its nominal value, and record the tracking errors."""
         if parameter not in self.axis.nominal or not 0.5 <= factor <= 2:
             raise FlexaxisError(
                 f"{parameter} × {factor:g}: give a parameter of the axis, and a factor of 0.5 to 2"
@@ -128,7 +133,7 @@ class DemoSession:
         return self._follow(f"{parameter} × {factor:g}", before)
 
     def repair(self) -> str:
-        """Set all parameters to nominal; dry friction does not change."""
+        """Set all parameters of the axis to their nominal values, without changing dry friction."""
         before, self.factors = self.axis.theta(SHOWN), {}
         self.axis.set_factors({})
         return self._follow("repaired", before)
@@ -142,31 +147,31 @@ class DemoSession:
         return self._follow(f"friction: {kind}", before)
 
     def set_excitation(self, mode: str) -> str:
-        """Set whether the reference moves, alternates between motion and standstill, or rests."""
+        """Set the mode of the reference, an entry of `EXCITATION`: on, stop-and-go, or off."""
         if mode not in EXCITATION:
             raise FlexaxisError(unknown("excitation", mode, EXCITATION))
         self.axis.excitation = mode
         return f"excitation {mode}"
 
     def set_noise(self, noise: float) -> str:
-        """Set the standard deviation of the noise on the measured speed [rad/s]."""
+        """Set the standard deviation of the noise of the measured speed [rad/s]."""
         self.axis.noise = noise
         return f"noise {noise:g} rad/s"
 
     def tune(self, racer: str, option: str, value: float) -> str:
-        """Set an option of estimator A or B, which keeps its current estimate."""
+        """Set an option of estimator A or B, without changing its current estimate."""
         self.racers["AB".index(racer)].tune(option, value, self._recent)
         return f"{racer}: {option} {value:g}"
 
     def choose(self, racer: str, estimator: str) -> str:
-        """Replace estimator A or B by another one, which starts at nominal values."""
+        """Replace estimator A or B by another estimator, which starts at nominal values."""
         fresh = Racer(estimator, self.axis.nominal)
         fresh.join(self._recent)
         self.racers["AB".index(racer)] = fresh
         return f"{racer} is now {estimator}"
 
     def _follow(self, what: str, before: Array) -> str:
-        """Record how the estimators track a change from now on; return its description."""
+        """Start to record the tracking errors after a change, and return the description `what`."""
         change = Change(self.axis, what, before)
         self.changes.append(change)
         for racer in self.racers:

@@ -1,6 +1,6 @@
-"""One change of the axis: the errors of both estimators after it, and the Cramér–Rao bound.
+"""The errors of both estimators after a change of the axis, and the Cramér–Rao bound.
 
-Only samples in which the reference moves count, as docs/scores.md explains.
+Only samples at which the reference moves are used, as docs/scores.md explains.
 """
 
 from collections.abc import Sequence
@@ -21,15 +21,16 @@ LENGTH = sample_index(WINDOW, PERIOD)
 
 
 class Change:
-    """Errors of both estimators since a change, and their lower bound.
+    """The errors of both estimators since a change, and lower bounds of the errors.
 
-    Errors are divided by the size of the change: they start near 1, and 0 is the true value. For an
-    estimator that does not estimate the changed parameter, the error stays at 1.
+    The errors are divided by the size of the change. They are close to 1 just after the change, and
+    0 if an estimate is correct. If an estimator does not estimate the changed parameter, its error
+    is 1 throughout.
 
     Parameters
     ----------
     axis : LiveAxis
-        The axis after the change.
+        Axis after the change.
     what : str
         Description of the change.
     before : ndarray (4,)
@@ -38,15 +39,16 @@ class Change:
     Attributes
     ----------
     at : int
-        First sample after the change.
+        Index of the first sample after the change.
     parameter : str or None
-        The parameter of `SHOWN` that changed most; None if none of them changed.
+        Name of the parameter in `SHOWN` that changed most, or None if none of them changed.
     curves : ndarray (n, 4)
-        Mean absolute errors for at most 5 s: of both estimators, and by the Cramér–Rao bound for an
-        estimator that knows which parameter changed and for one that does not. Both bounds assume
-        a known time of the change. NaN if no bound is defined.
+        Absolute errors of both estimators, and two Cramér–Rao bounds of the mean absolute error,
+        for at most 5 s after the change. The first bound is for an estimator that knows which
+        parameter changed, and the second for an estimator that does not. Both bounds assume that
+        the time of the change is known. The bounds are NaN if they are not defined.
     findings : list of str
-        The change that each estimator reported, in words.
+        Description of the change that each estimator reported.
     """
 
     def __init__(self, axis: LiveAxis, what: str, before: Array) -> None:
@@ -56,7 +58,8 @@ class Change:
         self._column = int(np.argmax(sizes / np.maximum(np.abs(self._truth + before), 1e-9)))
         self._size = float(sizes[self._column])
         self.parameter = SHOWN[self._column] if self._size else None
-        known = SHOWN[self._column] in tracked(axis.scenario, NAMES)  # False for removed friction
+        # False if the change has removed the dry friction
+        known = SHOWN[self._column] in tracked(axis.scenario, NAMES)
         self._bounded = known and np.count_nonzero(sizes) == 1 and axis.noise > 0
         self._where = axis.scenario, axis.values, axis.state, axis.noise**2
         self.curves = np.full((0 if self.parameter else 1, 4), np.nan)
@@ -65,25 +68,25 @@ class Change:
 
     @property
     def open(self) -> bool:
-        """Whether the change is still recorded."""
+        """Whether samples are still added to the curves."""
         return self.parameter is not None and len(self.curves) < LENGTH
 
     @property
     def lags(self) -> Array:
-        """Integrals of the curves up to now (4,) [s]."""
+        """Integrals (4,) of the curves from the change to the last sample [s]."""
         return np.asarray(lag(self.curves, PERIOD))
 
     def take(self, estimates: Sequence[Array], torque: Array, excited: NDArray[np.bool_]) -> None:
-        """Append samples.
+        """Append the errors of the next samples to the curves.
 
         Parameters
         ----------
         estimates : sequence of ndarray (n, 4)
-            Estimates of `SHOWN` by both estimators.
+            Estimates of `SHOWN` of each estimator.
         torque : ndarray (n,)
             Torque [N m].
         excited : ndarray (n,)
-            Whether the reference moves.
+            Whether the reference moves at each sample.
         """
         if not self.open:
             return

@@ -1,4 +1,4 @@
-"""Draw the axis in 3-D: replay a run in a window, or write a picture."""
+"""Draw the axis in 3-D: replay a run in a window, or write a picture to a file."""
 
 import os
 import sys
@@ -21,9 +21,9 @@ from flexaxis.sim.scenario import Scenario
 Array = NDArray[np.float64]
 
 STRIDE = 4
-"""Number of samples between two frames of the window."""
+"""Number of samples between successive frames in the window."""
 WAYS = {"egl": "EGL", "osmesa": "OSMesa"}
-"""Values of MUJOCO_GL that work without a display, best first, and the library of each."""
+"""Libraries that render without a display, keyed by the value of MUJOCO_GL; the best is first."""
 
 
 def view(
@@ -36,33 +36,35 @@ def view(
 ) -> Path | None:
     """Show a run in 3-D, in a window or as a picture.
 
-    The twist of the joints is about a milliradian, so it is magnified in the picture. The motor is
-    drawn at its true angle.
+    The twist of the joints is approximately one milliradian, so the twist is magnified for drawing.
+    The motor is drawn at its true angle.
 
     Parameters
     ----------
     run : str, Path, Scenario or Record
-        A scenario, which is simulated first, or a record that `simulate` or `load` returned.
+        Scenario (or its name or path), which is simulated first, or a record that `simulate` or
+        `load` returned.
     seed : int
         Random seed of the simulation.
     at : float
-        Time at which the window or picture starts [s].
+        Time of the picture, or time at which the replay starts [s].
     exaggerate : float
         Magnification of the twist; 1 shows the true angles.
     picture : str or Path, optional
-        PNG file to write instead of opening a window. It needs no display.
+        Path of a PNG file, which is written instead of opening a window. Writing a file does not
+        require a display.
 
     Returns
     -------
     Path or None
-        The path of the picture.
+        Path of the picture, or None if a window was shown.
 
     Raises
     ------
     FlexaxisError
-        If a number or the file name of the picture is wrong.
+        If `at` is outside the run, or if the file name of the picture does not end in .png.
     OutputError
-        If nothing can be drawn on this machine.
+        If this machine can neither open a window nor draw a picture.
     """
     target = None if picture is None else Path(picture)
     if target is not None:
@@ -86,7 +88,7 @@ def view(
 
 
 def poses(record: Record, *, exaggerate: float) -> Array:
-    """Return the angles (N, n) [rad] at which to draw the n masses, with magnified twist.
+    """Return the angles (N, n) [rad] of the n masses in the drawing, with magnified twist.
 
     Raises
     ------
@@ -104,9 +106,9 @@ def poses(record: Record, *, exaggerate: float) -> Array:
 
 
 def exaggerated(angles: Array, *, ratio: float, exaggerate: float) -> Array:
-    """Return angles (…, n) [rad] for drawing, with the twist of the joints magnified.
+    """Magnify the twist of the joints, and return the angles (…, n) [rad] for drawing.
 
-    The deviations of gear and arm from the angles of a rigid axis are multiplied by `exaggerate`.
+    The deviations of all masses from the angles of a rigid axis are multiplied by `exaggerate`.
     """
     drawn = np.array(angles)
     rigid = ratio * drawn[..., :1]
@@ -115,7 +117,7 @@ def exaggerated(angles: Array, *, ratio: float, exaggerate: float) -> Array:
 
 
 def _draw(mujoco: Any, model: Any, data: Any, path: Path) -> None:
-    """Write a picture of the axis at its current angles."""
+    """Write a picture of the axis at its current angles to a file."""
     import matplotlib.image
 
     mujoco.mj_forward(model, data)
@@ -132,7 +134,7 @@ def _draw(mujoco: Any, model: Any, data: Any, path: Path) -> None:
 
 
 def _replay(mujoco: Any, model: Any, data: Any, angles: Array, period: float) -> None:
-    """Show angles (N, n) in a window, in real time, until they end or the window is closed."""
+    """Replay the angles (N, n) [rad] in a window in real time, unless the window is closed."""
     try:
         viewer = import_module("mujoco.viewer").launch_passive(model, data)
     except Exception as error:
@@ -149,7 +151,7 @@ def _replay(mujoco: Any, model: Any, data: Any, angles: Array, period: float) ->
 
 
 def scene(name: str = DEFAULT) -> tuple[Any, Any, Any]:
-    """Return the module mujoco, and the model and data of a plant with floor, light and camera."""
+    """Return the module mujoco, and the model and data of a scene with floor, light and camera."""
     import mujoco
 
     _, assets = model_files(name)
@@ -158,7 +160,7 @@ def scene(name: str = DEFAULT) -> tuple[Any, Any, Any]:
 
 
 def draw_offscreen() -> None:
-    """Set MUJOCO_GL to a renderer of this machine, unless it is set or there is a display.
+    """Set MUJOCO_GL to an available renderer, unless MUJOCO_GL is set or there is a display.
 
     Raises
     ------

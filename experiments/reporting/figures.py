@@ -1,8 +1,8 @@
-"""Every figure of flexaxis: each function draws one and returns a matplotlib Figure.
+"""Draw the figures of flexaxis; each function draws one figure and returns a matplotlib Figure.
 
-Pages, `.plot()` in Python, notebooks, docs and the paper use these functions. Pages hide estimators
-and show values on hover with the tags that `styles.tag` sets. Figures are 430 px wide: text is
-readable on a phone, and several figures fit side by side on a screen.
+Pages, the methods `.plot()`, notebooks, the docs and the paper use these functions. A page uses the
+tags that `styles.tag` sets to hide estimators and to show values on hover. Figures are 430 px wide,
+so that the text is readable on a phone and several figures fit side by side on a screen.
 """
 
 from collections.abc import Mapping, Sequence
@@ -25,7 +25,7 @@ from flexaxis.sim.scenario import Scenario
 
 Looks = Mapping[str, styles.Style]
 USUAL: Looks = {}
-MARKERS = "oD^sv<"  # of faults, in figures with one row per estimator
+MARKERS = "oD^sv<"  # markers of the faults in figures with one row per estimator
 ROLES: dict[str, dict[str, Any]] = {
     "truth": {"color": TEXT, "lw": 1.1, "ls": (0, (5, 3)), "marker": "", "zorder": 5},
     "bound": {"color": TEXT, "ls": (0, (1.5, 2)), "marker": ""},
@@ -40,16 +40,17 @@ class Series:
     Attributes
     ----------
     x, y : (M,) array
+        Abscissae and ordinates of the M points.
     low, high : (M,) array, optional
-        Ends of a band around a curve, or of the intervals of points.
+        Lower and upper ends of a band around a curve, or of the intervals of points.
     estimator : str
         Name of the estimator, which determines the style.
     label : str
-        Text for the legend, if it differs from the estimator's name.
+        Text for the legend, if the text differs from the estimator's name.
     role : {"", "truth", "bound", "data"}
-        Role of a curve that belongs to no estimator.
+        Role of a curve that does not belong to an estimator.
     kind : {"line", "steps", "points", "both"}
-        Whether to draw a line, a staircase, points, or points joined by a line.
+        Form of the drawing: a line, a staircase, points, or points joined by a line.
     """
 
     x: Any
@@ -63,7 +64,7 @@ class Series:
 
 
 def new(height: float, count: int = 1) -> list[Any]:
-    """Return `count` axes, one below the other, in a new figure of the given height [px]."""
+    """Make a figure of the height `height` [px] with `count` axes below each other; return them."""
     figure = Figure(figsize=(430 / 96, height / 96))
     return list(figure.subplots(count, sharex=True, squeeze=False)[:, 0])
 
@@ -80,27 +81,27 @@ def curves(
     axes: Any = None,
     looks: Looks = USUAL,
 ) -> Figure:
-    """Draw curves over a common abscissa, in panels one below the other.
+    """Draw curves in panels below each other, with a common abscissa.
 
     Parameters
     ----------
     panels : mapping of str to sequence of Series
-        The curves of each panel, keyed by the label of its ordinate with the unit.
+        Curves of each panel, keyed by the label (with unit) of the panel's ordinate.
     x : str
         Label of the abscissa, with its unit.
     logs : sequence of str
         Labels of the axes with a logarithmic scale.
     limits : mapping of str to (float, float)
-        Limits of axes, keyed by their labels.
+        Limits of axes, keyed by the labels of the axes.
     marks : sequence of (float, str)
-        Vertical lines: an abscissa, and the event that happens there.
+        Vertical lines: the abscissa and the description of an event.
     spans : sequence of (float, float, str)
         Shaded intervals: begin, end, and a text such as "burn-in".
     axes : sequence of Axes, optional
-        Axes to draw on, one for each panel (default: a new figure).
+        Matplotlib axes for the panels, one for each panel (default: those of a new figure).
     looks : mapping of str to Style
-        Styles of the estimators of a page. The page has its own legend; without `looks`, each panel
-        has a legend.
+        Styles of the estimators of a page, keyed by estimator. A page has its own legend; without
+        `looks`, each panel has a legend.
     """
     axes = new(60 + 200 * len(panels), len(panels)) if axes is None else axes
     for ax, (label, series) in zip(axes, panels.items(), strict=True):
@@ -113,7 +114,7 @@ def curves(
         for axis, name in ((ax.xaxis, x), (ax.yaxis, label)):
             if name in logs:
                 logarithmic(axis)
-        ax.autoscale()  # an earlier call may have set limits
+        ax.autoscale()  # an earlier call may have set limits for these axes
         usual = None if label in logs else _usual(ax)
         ends = {"ylim": limits.get(label, usual), "xlim": limits.get(x)}
         ax.set(ylabel=symbols(label), **{key: pair for key, pair in ends.items() if pair})
@@ -124,7 +125,7 @@ def curves(
 
 
 def _usual(ax: Axes) -> tuple[float, float] | None:
-    """Return limits around most of the values, so that a burst does not set the scale."""
+    """Return limits that include most of the values, so that a burst does not set the scale."""
     values = np.concatenate([line.get_ydata() for line in ax.get_lines()] or [[]])
     if len(values) < 100:
         return None
@@ -134,7 +135,7 @@ def _usual(ax: Axes) -> tuple[float, float] | None:
 
 
 def _draw(ax: Axes, one: Series, looks: Looks) -> None:
-    """Draw a series; a line without points gets a marker at every fifth of its length."""
+    """Draw a series; a line without points gets about five markers, which are evenly spaced."""
     who, usual = one.estimator, look(one.estimator or "another", looks)
     own = usual | ROLES.get(one.role, {}) | ({"color": usual["color"]} if who else {})
     label, pointed = one.label or who or one.role, one.kind in ("points", "both")
@@ -151,7 +152,7 @@ def _draw(ax: Axes, one: Series, looks: Looks) -> None:
 
 
 def logarithmic(axis: Any) -> None:
-    """Make an axis logarithmic, with labels at 1, 2, 5 or, over a wide range, only at decades."""
+    """Make an axis logarithmic, with labels at 1, 2 and 5, or only at decades for a wide range."""
     axis.axes.set(**{f"{axis.axis_name}scale": "log"})
     low, high = axis.get_view_interval()
     axis.set_major_locator(LogLocator(subs=(1, 2, 5) if high < 2e3 * low else (1,)))
@@ -160,14 +161,14 @@ def logarithmic(axis: Any) -> None:
 
 
 def _interval(ax: Axes, place: float, parts: Any, who: str, tip: str, **own: Any) -> None:
-    """Draw a value as a dot and its interval as a horizontal line, at the ordinate `place`."""
+    """Draw a value as a dot and its interval as a horizontal line; `place` is the ordinate."""
     value, *ends = parts
     tag(ax.hlines(place, *ends, color=own["color"]), who, tip)
     tag(ax.plot(value, place, ls="", mec=styles.BACK, ms=6, **own)[0], who, tip)
 
 
 def _rows(ax: Any, names: Sequence[str], label: str, **options: Any) -> Figure:
-    """Label the rows of axes, make the abscissa logarithmic, and return the figure."""
+    """Label the rows of a figure, make its abscissa logarithmic, and return the figure."""
     ax.axvline(1, color=TEXT)
     logarithmic(ax.xaxis)
     ax.set(xlabel=label, ylim=(max(len(names), 1) - 0.5, -0.5))
@@ -179,20 +180,20 @@ def _rows(ax: Any, names: Sequence[str], label: str, **options: Any) -> Figure:
 def over_bound(
     matched: pd.DataFrame, order: Sequence[str], faults: Mapping[str, str], *, looks: Looks = USUAL
 ) -> Figure:
-    """Draw the lag divided by the bound: one row per estimator, one dot per fault.
+    """Draw the lag divided by the bound, with one row per estimator and one dot per fault.
 
-    Lines show 95 % intervals; a vertical line at 1 is the bound.
+    Horizontal lines show 95 % intervals. The vertical line at 1 is the bound.
 
     Parameters
     ----------
     matched : DataFrame
-        Scores at equal noise: ``fault, estimator, lag, lag_interval, bound, over_bound``.
+        Scores at equal noise; columns ``fault, estimator, lag, lag_interval, bound, over_bound``.
     order : sequence of str
-        Estimators from top to bottom.
+        Names of the estimators from top to bottom.
     faults : mapping of str to str
         Descriptions of the faults, keyed by fault.
     looks : mapping of str to Style
-        Styles of the estimators.
+        Styles of the estimators, keyed by estimator.
     """
     (ax,), known = new(44 * len(order) + 95), list(faults)
     for row in matched[matched["lag"] > 0].to_dict("records"):
@@ -209,7 +210,7 @@ def over_bound(
 
 
 def around(scenario: Scenario) -> dict[str, Any]:
-    """Return the events, burn-in and pauses of a scenario as options of `curves`."""
+    """Return the options of `curves` that mark the events, burn-in and pauses of a scenario."""
     edges = np.flatnonzero(np.diff(np.r_[1, scenario.excited(), 1])) * scenario.period
     still = [(*pair, "no excitation") for pair in edges.reshape(-1, 2)]
     return {
@@ -222,19 +223,20 @@ def medians(
     traces: Mapping[str, Mapping[int, Any]], scenario: Scenario, name: str,
     window: tuple[float, float], *, banded: Sequence[str],
 ) -> list[Series]:  # fmt: skip
-    """Return curves of the median estimates of some estimators in a window, and of the truth.
+    """Return the curves of the median estimates of some estimators, and the curve of the truth.
 
     Parameters
     ----------
     traces : mapping of str to mapping
         Traces, keyed by estimator and then by seed.
     scenario : Scenario
+        Scenario of the runs.
     name : str
         Name of the estimated parameter.
     window : (float, float)
-        Begin and end [s].
+        Begin and end of the time window that is drawn [s].
     banded : sequence of str
-        Estimators that get a band from the 10 % to the 90 % quantile of the runs.
+        Names of the estimators with a band from the 10 % to the 90 % quantile of the runs.
     """
     series = []
     for who, own in traces.items():
@@ -248,16 +250,17 @@ def medians(
 
 
 def speed_noise(swept: pd.DataFrame, faults: Mapping[str, str], *, looks: Looks = USUAL) -> Figure:
-    """Draw the lag against the noise before the fault, with one line per estimator, and the bound.
+    """Draw the lag against the noise before the fault, with a line per estimator and the bound.
 
     Parameters
     ----------
     swept : DataFrame
-        One row per setting: ``fault, estimator, factor, lag, lag_interval, std, lag_bound``.
+        Scores with one row per setting; columns ``fault, estimator, factor, lag, lag_interval, std,
+        lag_bound``.
     faults : mapping of str to str
         Descriptions of the faults, keyed by fault. Each fault has its own panel.
     looks : mapping of str to Style
-        Styles of the estimators.
+        Styles of the estimators, keyed by estimator.
     """
     panels = {}
     for fault, text in faults.items():
@@ -271,14 +274,15 @@ def speed_noise(swept: pd.DataFrame, faults: Mapping[str, str], *, looks: Looks 
 
 
 def lines(rows: pd.DataFrame, x: str, y: str, kind: Any = "both") -> list[Series]:
-    """Return one curve with intervals per estimator and, if `y` is the lag, the curve of its bound.
+    """Return one curve with intervals per estimator and, if `y` is the lag, the curve of the bound.
 
     Parameters
     ----------
     rows : DataFrame
-        The columns `x`, `y` and ``estimator``; optionally the interval of `y`, and ``lag_bound``.
+        Scores with the columns `x`, `y` and ``estimator``, and optionally the interval of `y` and
+        ``lag_bound``.
     x, y : str
-        Columns of the abscissa and the ordinate.
+        Names of the columns of the abscissa and the ordinate.
     kind : str
         Kind of the curves, as in `Series`.
     """
@@ -299,7 +303,7 @@ def lag_against_noise(rows: pd.DataFrame, **options: Any) -> Figure:
     Parameters
     ----------
     rows : DataFrame
-        Single runs or pooled scores: ``estimator, lag, std``.
+        Scores of single runs or pooled scores; columns ``estimator, lag, std``.
     **options
         Options of `curves`.
     """
@@ -309,15 +313,16 @@ def lag_against_noise(rows: pd.DataFrame, **options: Any) -> Figure:
 
 
 def shares(runs: pd.DataFrame, **options: Any) -> Figure:
-    """Draw the cumulative distribution of lag / bound over the runs of each estimator.
+    """Draw the cumulative distribution of lag / bound for the runs of each estimator.
 
-    Lost runs, and runs that do not estimate the changed parameter, count as infinitely slow.
+    Runs that diverged, and runs in which the changed parameter is not estimated, count as runs with
+    an infinite lag.
 
     Parameters
     ----------
     runs : DataFrame
-        One row per run: ``scenario, parameter, seed, estimator, lag, lag_bound, over_bound,
-        diverged``. Runs without a bound are left out.
+        Scores with one row per run; columns ``scenario, parameter, seed, estimator, lag, lag_bound,
+        over_bound, diverged``. Runs without a bound are left out.
     **options
         Options of `curves`.
     """
@@ -336,19 +341,22 @@ def shares(runs: pd.DataFrame, **options: Any) -> Figure:
 def score_map(
     cells: pd.DataFrame, *, title: str, x: str, y: str, limits: tuple[float, float]
 ) -> Figure:
-    """Draw a map of an estimator's score over two axes of a study, with its value in each cell.
+    """Draw a map of a score of an estimator as a function of two swept keys of a study.
+
+    Each cell of the map contains the value of the score.
 
     Parameters
     ----------
     cells : DataFrame
-        Scores; the index is the ordinate and the columns are the abscissa.
+        Values of the score; the index is the ordinate and the columns are the abscissa.
     title, x, y : str
         Title and axis labels.
     limits : (float, float)
-        Limits of the colour scale; use the same limits in maps that are compared.
+        Limits of the colour scale; use the same limits for maps that are to be compared.
     """
     (ax,), (low, high) = new(90 + 60 * len(cells)), limits
-    ax.pcolormesh(cells, norm=LogNorm(low, 10 * high), cmap="Blues")  # light, under black text
+    # the colour scale ends at 10 × high, so that all cells are light and black text is readable
+    ax.pcolormesh(cells, norm=LogNorm(low, 10 * high), cmap="Blues")
     for (row, column), value in np.ndenumerate(cells):
         ax.text(column + 0.5, row + 0.5, short(value), color="#000000", ha="center", va="center")
     ax.set_xticks(np.arange(cells.shape[1]) + 0.5, map(number, cells.columns))
@@ -368,16 +376,16 @@ def verdict_intervals(rows: Sequence[Mapping[str, Any]], *, axes: Axes | None = 
     Parameters
     ----------
     rows : sequence of mapping
-        Rows of a verdict, as `flexaxis compare --json` prints them. Rows without an interval are
-        left out.
+        Rows of a verdict, as in the output of `flexaxis compare --json`. Rows without an interval
+        are left out.
     axes : Axes, optional
-        Axes to draw on (default: a new figure).
+        Matplotlib axes for the figure (default: those of a new figure).
     """
     shown = [row for row in rows if None not in (row["change"], *row["interval"])]
     ax, names = axes or new(60 + 24 * len(shown))[0], []
     for place, row in enumerate(shown):
         parts = np.array([row["change"], *row["interval"], row["margin"] or 0])
-        # A ratio can be zero or negative; it is drawn at the edge of the logarithmic scale.
+        # A ratio can be zero or negative; then draw 0.01, because the scale is logarithmic.
         *ratios, margin = np.maximum(1 + parts / (row["scale"] or 1), 0.01)
         name = f"{row['metric']} of {row['parameter']}, {row['scenario']}: {row['verdict']}"
         tip = f"{name}, × {short(ratios[0])} ({between(ratios[1:])})"

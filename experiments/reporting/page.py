@@ -1,7 +1,8 @@
-"""Pages: single HTML files with figures as SVG, which need no network and share one template.
+"""Make pages: single HTML files that contain their figures as SVG and need no network.
 
-Text in a figure stays selectable. Colours are variables of the style sheet, which has a dark mode.
-Each estimator has a CSS class, by which the script hides its curves.
+All pages extend one template. The text of a figure can be selected. The colours are variables of
+the style sheet, which has a dark mode. The curves of each estimator have a CSS class, which the
+script of the page uses to hide them.
 """
 
 import html
@@ -32,22 +33,22 @@ def render(template: str, *, looks: Looks, **content: Any) -> str:
     ----------
     template : str
         Path of a template in `flexaxis.experiments`, such as ``"reporting/templates/run.html"``.
-        It extends ``reporting/templates/page.html``, which needs a `title`.
+        The template extends ``reporting/templates/page.html``, which requires a `title`.
     looks : mapping of str to Style
         Styles of the estimators that the page can hide, as `styles.assigned` returns them.
     **content
-        Values of the template's variables. Text is escaped; a missing variable is an error.
+        Values of the template's variables. Text is escaped. A missing variable is an error.
     """
     return TEMPLATES.get_template(template).render(styles=NINE, looks=looks, **content)
 
 
 def comparison(verdict: Mapping[str, Any]) -> str:
-    """Return the page of a comparison: the verdict, changes with intervals, and all scores.
+    """Return the page of a comparison as HTML: the verdict, changes with intervals, and all scores.
 
     Parameters
     ----------
     verdict : mapping
-        The object that `flexaxis compare --json` prints.
+        Content of the output of `flexaxis compare --json`.
     """
     drawings = [drawn(figures.verdict_intervals, "change of each score", verdict["rows"])]
     lines = [("", list(map(tables.Cell, row["text"]))) for row in verdict["rows"]]
@@ -57,19 +58,19 @@ def comparison(verdict: Mapping[str, Any]) -> str:
 
 
 def drawn(draw: Callable[..., Figure], label: str, *args: Any, **options: Any) -> Markup:
-    """Return a figure as SVG for a page.
+    """Draw a figure, and return it as SVG for a page.
 
     Parameters
     ----------
     draw : callable
-        A function of the module `figures`.
+        Function that draws the figure, such as a function of the module `figures`.
     label : str
         Description of the figure for screen readers. It must be unique on the page.
     *args, **options
         Arguments of `draw`.
     """
     buffer, name = io.StringIO(), slug(label)
-    with mpl.rc_context(dict(SETTINGS) | {"svg.hashsalt": name}):  # makes its ids unique
+    with mpl.rc_context(dict(SETTINGS) | {"svg.hashsalt": name}):  # makes the ids of the SVG unique
         figure = draw(*args, **options)
         figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None})
     text = buffer.getvalue()
@@ -83,7 +84,7 @@ def drawn(draw: Callable[..., Figure], label: str, *args: Any, **options: Any) -
 
 
 def _opened(group: re.Match[str]) -> str:
-    """Return the opening tag of a group without its id; a tagged artist gets class and title."""
+    """Replace the id of an SVG group by a class and a title, which `styles.tag` has set."""
     text = html.unescape(group[1] or group[2])
     estimator, tip = json.loads(text) if text.startswith("[") else ("", "")
     title = f"<title>{escape(tip)}</title>" if tip else ""
@@ -97,7 +98,7 @@ def slug(text: str) -> str:
 
 
 def symbols(text: str) -> Markup:
-    """Return text as HTML, with symbols such as f_m as letter and index, and `code` as code.
+    """Convert a text to HTML: symbols such as f_m get a subscript, and `code` becomes code.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""The report of a run: the main result on the first screen, and every scenario below it."""
+"""The report of a run: the main result on the first screen, then a section for each scenario."""
 
 from collections.abc import Iterator, Mapping
 from functools import partial
@@ -16,7 +16,7 @@ from flexaxis.experiments.running.results import Results
 from flexaxis.experiments.scoring.score_table import SCORES
 from flexaxis.sim.scenario import Scenario, scenario_from
 
-MANY = 32  # number of single runs shown per estimator and scenario, the worst first
+MANY = 32  # largest number of single runs that are shown per estimator and scenario
 SINGLE = ("estimator", "seed", "lag", "over_bound", "t10", "std", "bias", "score", "diverged")
 
 
@@ -26,8 +26,9 @@ def render(results: Results, summary: Mapping[str, Any]) -> str:
     Parameters
     ----------
     results : Results
+        Results of the run.
     summary : mapping
-        The content of summary.json.
+        Content of summary.json.
     """
     title, facts = words.answer(summary)
     rows = tables.flat(summary["rows"])
@@ -57,13 +58,13 @@ class Drawing:
         self.looks = assigned(words.order_of(summary))
         self.draw = partial(page.drawn, looks=self.looks)
         known = {name: entry["definition"] for name, entry in summary["scenarios"].items()}
-        known |= self.swept.get("definitions", {})  # scenarios that ran at equal noise only
+        known |= self.swept.get("definitions", {})  # scenarios that were run only at equal noise
         self.scenarios = {name: scenario_from(each, source=name) for name, each in known.items()}
         runs = results.frame[results.frame["error"].isna()]
         self.runs = runs.assign(over_bound=runs["lag"] / runs["lag_bound"])
 
     def board(self) -> dict[str, Any] | None:
-        """Return the content of the first screen, or None if nothing ran at equal noise."""
+        """Return the content of the first screen, or None without results at equal noise."""
         swept = self.swept
         if not swept.get("matched"):
             return None
@@ -83,10 +84,11 @@ class Drawing:
     def over_time(
         self, scenario: Scenario, name: str, settings: dict[str, str], label: str = "default"
     ) -> list[Markup]:
-        """Return figures of the median estimates of a parameter over time.
+        """Return figures of the median estimates of a parameter as functions of time.
 
-        If the scenario has an event, the first figure shows the second after it; the last figure
-        shows the whole run. The first estimator and the reference have bands.
+        If the scenario contains an event, the first figure shows the first second after the event.
+        The last figure shows the whole run. The curves of the first estimator and of the reference
+        have bands.
         """
         traces, drawn, windows = {}, [], [(0.0, scenario.duration)]
         banded = (next(iter(settings)), REFERENCE)
@@ -106,13 +108,16 @@ class Drawing:
         return drawn
 
     def defaults(self) -> Iterator[tuple[str, Markup]]:
-        """Yield a heading and a figure over all scenarios, at default settings."""
+        """Yield a heading and a figure of the results of all scenarios at default settings."""
         if (self.runs["lag_bound"] > 0).any():
             drawn = self.draw(figures.shares, "share of runs", self.runs)
             yield "Share of runs against the bound", drawn
 
     def section(self, name: str, rows: pd.DataFrame) -> dict[str, Any]:
-        """Return the section of a scenario, which has no scores if it ran at equal noise only."""
+        """Return the content of a scenario's section.
+
+        The section contains no scores if the scenario was run only at equal noise.
+        """
         scenario, own = self.scenarios[name], rows[rows["scenario"] == name]
         happens = words.happens(scenario.resolved())
         section = {"scenario": scenario, "happens": happens, "line": in_a_line(scenario)}
@@ -127,7 +132,7 @@ class Drawing:
         return section | {"figures": drawn, "table": table} | self._runs(name)
 
     def _runs(self, name: str) -> dict[str, Any]:
-        """Return a figure and a table of single runs on a scenario, the worst runs first."""
+        """Return a figure and a table of single runs of a scenario; the worst runs come first."""
         runs = self.runs.sort_values(["changed", "diverged", "lag", "std"], ascending=False)
         runs = runs[runs["scenario"] == name].drop_duplicates(["estimator", "seed"])
         shown = runs.groupby("estimator").head(MANY)

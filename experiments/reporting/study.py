@@ -1,4 +1,4 @@
-"""The report of a study: its main result, scores over the swept keys, maps and tables."""
+"""The report of a study: main result, scores as functions of the swept keys, maps and a table."""
 
 from collections.abc import Iterator, Sequence
 from itertools import combinations
@@ -15,7 +15,7 @@ from flexaxis.experiments.reporting.words import axis_words
 from flexaxis.experiments.running.results import Results
 from flexaxis.experiments.running.study import is_option
 
-LINES = 300  # rows of the table at most
+LINES = 300  # largest number of rows in the table
 SHOWN = ("lag", "over_bound", "t10", "std", "bias", "score", "diverged")
 LABELS = {"score": "score, 0–100", "lag": "lag [s]", "std": "std before [%]",
           "detection.false_alarms_per_1000_s": "false alarms / 1000 s"}  # fmt: skip
@@ -54,16 +54,16 @@ def render(results: Results) -> str:
 
 
 def numeric_axes(results: Results) -> list[str]:
-    """Return the swept keys with several numeric values; keys of faults come first."""
+    """Return the swept keys that have several numeric values; keys of faults come first."""
     axes = results.frame[list(results.axes)].select_dtypes("number")
     return sorted(axes.columns[axes.nunique() > 1], key=lambda axis: not axis.startswith("fault"))
 
 
 def pooled(results: Results, axes: Sequence[str], *by: str) -> pd.DataFrame:
-    """Return the rows pooled over the seeds and over all axes that are not in `axes`.
+    """Return the scores, pooled over the seeds and over all swept keys that are not in `axes`.
 
-    If none of `axes` is an option of an estimator, the rows of different settings stay separate,
-    and each setting counts as an estimator.
+    If none of `axes` is an option of an estimator, different settings of an estimator are not
+    pooled, and each setting counts as an estimator.
     """
     option = any(is_option(axis, results.study["estimators"]) for axis in axes)
     rows = tables.flat(results.pooled(*by, "estimator" if option else "setting", *axes))
@@ -71,7 +71,7 @@ def pooled(results: Results, axes: Sequence[str], *by: str) -> pd.DataFrame:
 
 
 def title(results: Results) -> str:
-    """Return the main result of a study as a sentence: the estimator with the highest score."""
+    """Return a sentence with the main result of a study: the estimator with the highest score."""
     axes = numeric_axes(results)[:1]
     rows = _changed(results, axes).dropna(subset="score")
     if rows.empty:
@@ -84,23 +84,24 @@ def title(results: Results) -> str:
 
 
 def _changed(results: Results, axes: Sequence[str]) -> pd.DataFrame:
-    """Return the pooled rows of the parameters that change and have a lag."""
+    """Return the pooled scores of the parameters that change, if they have a lag."""
     rows = pooled(results, axes)
     return rows[rows["changed"].astype(bool) & rows["lag"].notna()]
 
 
 def over_axis(results: Results, axis: str, *measures: str) -> dict[str, Any]:
-    """Return the options of `curves` that draw scores over an axis of a study.
+    """Return the options of `curves` that draw scores as functions of a swept key of a study.
 
     Each score of each parameter has its own panel.
 
     Parameters
     ----------
     results : Results
+        Results of the study.
     axis : str
-        The swept key of the abscissa.
+        Swept key on the abscissa.
     *measures : str
-        Scores to draw: columns of the pooled rows.
+        Names of the scores to draw, which are columns of the pooled scores.
     """
     rows, panels, x = _changed(results, [axis]), {}, axis_words(axis)
     for measure in rows.columns.intersection(measures):
@@ -111,7 +112,7 @@ def over_axis(results: Results, axis: str, *measures: str) -> dict[str, Any]:
 
 
 def _maps(results: Results) -> Iterator[tuple[str, list[Markup]]]:
-    """Yield a heading and one map of the lag per estimator, for each pair of axes."""
+    """Yield, for each pair of swept keys, a heading and one map of the lag per estimator."""
     for y, x in combinations(numeric_axes(results), 2):
         heading = f"lag [s] over {axis_words(x)} and {axis_words(y)}"
         maps = _changed(results, [x, y]).pivot_table("lag", ["estimator", y], x)
@@ -122,7 +123,10 @@ def _maps(results: Results) -> Iterator[tuple[str, list[Markup]]]:
 
 
 def _table(results: Results) -> tables.Table:
-    """Return the pooled scores at each point of the study, changed parameters first."""
+    """Return a table of the pooled scores at each point of the study.
+
+    The rows of parameters that change come first.
+    """
     rows = pooled(results, results.axes, "scenario")
     rows = rows.sort_values("changed", ascending=False, kind="stable").head(LINES)
     names = ("estimator", "scenario", *results.axes, "parameter", *SHOWN)

@@ -1,8 +1,9 @@
-"""The style of every figure: matplotlib settings, and nine styles of colour, dash and marker.
+"""The style of all figures: matplotlib settings, and nine styles with a colour, dash and marker.
 
-Any two of the nine colours differ by ΔE*76 ≥ 20, also for a deuteranope. Each has a contrast of at
-least 3 with the background (WCAG 2.1, 1.4.11), in the light and in the dark variant. A random
-search near named hues chose the colours; measure both numbers again if you change a colour.
+Any two of the nine colours differ by ΔE*76 ≥ 20, also for a deuteranope. Each colour has a contrast
+of at least 3 with the background (WCAG 2.1, 1.4.11), in the light and in the dark variant. The
+colours were chosen by a random search near named hues. If you change a colour, compute the colour
+differences and the contrast again.
 """
 
 import json
@@ -20,20 +21,22 @@ from flexaxis.experiments.reporting.tables import SYMBOL
 
 @dataclass(frozen=True)
 class Style:
-    """The style in which an estimator is drawn.
+    """The style of an estimator's curves and markers.
 
     Attributes
     ----------
     place : int
-        Number of the colour, 0 to 8.
+        Index of the colour, 0 to 8.
     light, dark : str
-        The colour on a light and on a dark background.
+        Colours on a light background and on a dark background.
     dash : str
-        Lengths of strokes and gaps, in pixels of 1/96 inch; empty for a solid line.
+        Lengths of strokes and gaps in pixels of 1/96 inch, separated by blanks; empty for a solid
+        line.
     marker : str
         Marker code of matplotlib.
     hollow : bool
-        Whether the marker is only an outline, as for the tenth and later estimators of a page.
+        Whether only the outline of the marker is drawn, as for the tenth and later estimators of a
+        page.
     """
 
     place: int
@@ -44,7 +47,7 @@ class Style:
     hollow: bool = False
 
 
-# Colours of everything but estimators. On a page they become variables with a dark variant.
+# Colours of text, lines and backgrounds. On a page they become variables with a dark variant.
 TEXT, MUTED, LINE, SOFT, BACK = "#222222", "#5c6066", "#dfe2e6", "#f4f5f7", "#ffffff"
 DARK_BACK, DARK_TEXT = "#16191d", "#e4e4e4"
 
@@ -65,9 +68,10 @@ STYLES = [
     for turn in range(len(NINE))
     for i, one in enumerate(NINE)
 ]
-"""The nine styles, followed by their colours with other dashes and with hollow markers."""
+"""The nine styles, followed by styles with the same colours, other dashes and hollow markers."""
 
-# Fixed styles of common estimators and parameters. The reference is a solid blue line.
+# Indices of the fixed styles of common estimators and parameters. The reference is a solid blue
+# line.
 _PLACES = {
     "rpem-forgetting": 0, "rpem-drift": 1, "ekf": 2, "imm": 3, "cusum-reset": 4, RECOMMENDED: 5,
     "frozen": 8, "base": 0, "candidate": 1, "A": 0, "B": 1, "k_T": 0, "1/J_a": 1, "f_m": 2,
@@ -76,7 +80,7 @@ _PLACES = {
 
 VARIABLES = {TEXT: "text", MUTED: "muted", LINE: "line", SOFT: "soft", BACK: "back"}
 VARIABLES |= {style.light.lower(): f"style-{style.place}" for style in NINE}
-"""Names of the style sheet's variables, keyed by the colours of a figure that they replace."""
+"""Variables of the style sheet that replace the colours of a figure, keyed by colour."""
 
 SETTINGS = mpl.rc_params_from_file(
     Path(__file__).parent / "figures.mplstyle", use_default_template=False
@@ -84,11 +88,11 @@ SETTINGS = mpl.rc_params_from_file(
 
 
 styled = mpl.rc_context(SETTINGS)
-"""Decorator that makes a function draw with `SETTINGS`."""
+"""Decorator that applies the matplotlib settings `SETTINGS` while a function draws."""
 
 
 def tag(artist: Any, estimator: str = "", tip: str = "") -> Any:
-    """Set the estimator and the hover text of an artist on a page, and return the artist."""
+    """Set the estimator and the hover text of a matplotlib artist, and return the artist."""
     artist.set_gid(json.dumps([estimator, tip]))
     return artist
 
@@ -99,11 +103,14 @@ def look(estimator: str, looks: Mapping[str, Style]) -> dict[str, Any]:
     Parameters
     ----------
     estimator : str
+        Name of the estimator.
     looks : mapping of str to Style
-        Styles as `assigned` returns them. An estimator without an entry gets its usual `style`.
+        Styles as `assigned` returns them. An estimator that is not in `looks` has the style that
+        `style` returns.
     """
     own = looks.get(estimator) or style(estimator)
-    dash = tuple(float(part) / 1.5 for part in own.dash.split())  # scaled by the width of 1.5
+    # matplotlib multiplies the lengths by the line width of 1.5
+    dash = tuple(float(part) / 1.5 for part in own.dash.split())
     return {
         "color": own.light,
         "ls": (0, dash or None),
@@ -114,7 +121,7 @@ def look(estimator: str, looks: Mapping[str, Style]) -> dict[str, Any]:
 
 
 def symbols(text: str) -> str:
-    """Return a text with symbols such as f_m in matplotlib's math notation.
+    """Return a text in which symbols such as f_m are written in matplotlib's math notation.
 
     Examples
     --------
@@ -125,15 +132,16 @@ def symbols(text: str) -> str:
 
 
 def assigned(names: Iterable[str]) -> dict[str, Style]:
-    """Return the styles of the estimators of one page, in the order of `names`.
+    """Assign styles to the estimators of a page, and return the styles in the order of `names`.
 
-    Common estimators have fixed styles; the others get the remaining styles in order. Options in
-    brackets do not change the style, unless the same estimator is on the page several times.
+    Common estimators have fixed styles; the other estimators get the remaining styles in order.
+    Options in brackets affect the style only if the same estimator appears several times on the
+    page.
 
     Parameters
     ----------
     names : iterable of str
-        Names of the estimators, with options as typed.
+        Names of the estimators, including options in brackets.
 
     Examples
     --------
@@ -148,7 +156,7 @@ def assigned(names: Iterable[str]) -> dict[str, Style]:
 
 
 def style(estimator: str) -> Style:
-    """Return the style of an estimator in figures outside pages; it depends only on the name."""
+    """Return the style of an estimator in a figure outside a page, which depends on its name."""
     others = range(len(NINE), len(STYLES))
     return STYLES[_PLACES.get(_base(estimator), others[crc32(estimator.encode()) % len(others)])]
 

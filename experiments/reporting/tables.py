@@ -1,4 +1,4 @@
-"""Tables for pages: number formats, and cells made from the columns of a DataFrame."""
+"""Tables for pages and the terminal: number formats, and tables made from a DataFrame."""
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 SYMBOL = re.compile(r"(?<![\w-])([A-Za-zΔθσψεμλτ])_([A-Za-z0-9θ]{1,3})(?![A-Za-z0-9_-])")
-"""A symbol with an index, such as f_m, that is not part of a longer word."""
+"""Pattern of a symbol with an index, such as f_m, that is not part of a longer word."""
 
 COLUMNS = {
     "lag": "lag [s]",
@@ -23,11 +23,11 @@ COLUMNS = {
     "detection.false_alarms_per_1000_s": "false alarms / 1000 s",
     "cost.us_per_sample": "µs/sample",
 }
-"""Column heads, with units, of the scores that pages and the terminal show."""
+"""Column heads (with units) of the scores that pages and the terminal show, keyed by score."""
 
 
 class Cell(NamedTuple):
-    """A cell: its text, the value to sort by, small text below, and whether it has a star."""
+    """A cell of a table: text, value for sorting, small text below, and whether it has a star."""
 
     text: str
     value: Any = None
@@ -36,7 +36,7 @@ class Cell(NamedTuple):
 
 
 class Table(NamedTuple):
-    """A table: name, column heads, rows (each with its estimator), and notes below it."""
+    """A table: name, column heads, rows (the estimator and the cells), and notes below the rows."""
 
     name: str
     heads: Sequence[str]
@@ -45,15 +45,16 @@ class Table(NamedTuple):
 
 
 def table(name: str, rows: pd.DataFrame, columns: Mapping[str, str]) -> Table:
-    """Return a table of some columns of a DataFrame, with intervals as small text.
+    """Make a table from some columns of a DataFrame, with intervals as small text.
 
     Parameters
     ----------
     name : str
+        Name of the table.
     rows : DataFrame
-        Scores, with a column ``estimator``.
+        Scores, including a column ``estimator``.
     columns : mapping of str to str
-        Column heads, keyed by the columns to show.
+        Heads of the columns to show, keyed by their names in `rows`.
     """
     lines = [(row["estimator"], [_cell(row, column) for column in columns])
              for row in rows.to_dict("records")]  # fmt: skip
@@ -69,7 +70,10 @@ def _cell(row: Mapping[str, Any], column: str) -> Cell:
 
 
 def flat(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
-    """Return pooled rows as a DataFrame; nested scores get dotted names, `over_bound` is added."""
+    """Convert pooled scores to a DataFrame, and add the column `over_bound`.
+
+    The names of nested scores are joined with dots.
+    """
     flat = pd.json_normalize(list(rows))
     return flat.assign(over_bound=pd.to_numeric(flat["lag"]) / pd.to_numeric(flat["lag_bound"]))
 
@@ -84,12 +88,12 @@ def number(value: float | None, digits: int = 3) -> str:
     """
     if value is None:
         return "–"
-    # The format g would write 1234 as 1.23e+03.
+    # With the format g alone, 1234 would become 1.23e+03.
     return f"{value:.0f}" if 10**digits <= abs(value) < 1e5 else f"{value:.{digits}g}"
 
 
 def short(value: float | None) -> str:
-    """Return a number as text with two significant digits; few seeds do not justify a third.
+    """Return a number as text with two significant digits, or a dash if there is no finite number.
 
     Examples
     --------
@@ -104,7 +108,7 @@ def short(value: float | None) -> str:
 
 
 def between(values: Iterable[float | None] | None) -> str:
-    """Return the range of some numbers as text, or a single number if both ends look the same.
+    """Return the range of some numbers as text, or one number if both ends have the same text.
 
     Examples
     --------

@@ -1,4 +1,7 @@
-"""Tables of lags at equal noise and of scores at default settings, and their printed form."""
+"""The main tables of a run, and the conversion of tables to text for the terminal.
+
+The main tables contain the lags at equal noise, and the scores at default settings.
+"""
 
 import sys
 from collections.abc import Mapping, Sequence
@@ -23,8 +26,8 @@ LEGEND = (
 
 
 def as_text(*tables: Table) -> str:
-    """Return tables as text, with the width of the terminal, or 200 columns in a file or pipe."""
-    # The log of a CI build is a file, and 200 columns show all names in full.
+    """Convert tables to text as wide as the terminal, or 200 columns wide for a file or pipe."""
+    # The log of a CI build is a file; all names fit into 200 columns.
     console = Console(width=None if sys.stdout.isatty() else 200)
     with console.capture() as capture:
         console.print(*map(_shown, tables))
@@ -32,7 +35,7 @@ def as_text(*tables: Table) -> str:
 
 
 def _shown(table: Table) -> rich.table.Table:
-    """Return a rich table with the name of a table above it and its notes below it."""
+    """Convert a table to a rich table, with the name above the rows and the notes below them."""
     shown = rich.table.Table(box=None, padding=(0, 1, 0, 0), title=table.name, title_justify="left",
                              caption="\n".join(table.notes), caption_justify="left")  # fmt: skip
     for head in table.heads:
@@ -49,7 +52,7 @@ def run_text(summary: Mapping[str, Any]) -> str:
     Parameters
     ----------
     summary : mapping
-        The content of summary.json.
+        Content of summary.json.
     """
     swept = summary.get("tradeoff") or {}
     first = [equal_noise_table(swept)] if swept.get("matched") else []
@@ -59,12 +62,13 @@ def run_text(summary: Mapping[str, Any]) -> str:
 def equal_noise_table(swept: Mapping[str, Any]) -> Table:
     """Return the table of lags at equal noise: one row per estimator, one column per fault.
 
-    The last column is the score over all faults.
+    The last column contains the score for all faults.
 
     Parameters
     ----------
     swept : mapping
-        The ``tradeoff`` of a summary, with ``matched``, ``overall`` and ``definitions``.
+        Entry ``tradeoff`` of a summary, which contains ``matched``, ``overall`` and
+        ``definitions``.
     """
     few, faults, cells = too_few(swept["matched"]), words.fault_words(swept), {}
     for row in swept["overall"]:
@@ -86,12 +90,12 @@ def equal_noise_table(swept: Mapping[str, Any]) -> Table:
 def default_table(pooled: Sequence[Mapping[str, Any]]) -> Table:
     """Return the table of scores at default settings: one row per estimator and scenario.
 
-    The table shows the parameter that changed, or all parameters if none changed.
+    The table contains only the parameters that change, or all parameters if none changes.
 
     Parameters
     ----------
     pooled : sequence of mapping
-        Pooled rows.
+        Pooled scores, one mapping per scenario, estimator and parameter.
     """
     rows = tables.flat(pooled)
     cases = rows.groupby(["scenario", "estimator"])["changed"]

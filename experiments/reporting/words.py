@@ -38,11 +38,11 @@ BESIDE = {
     "cogging": "cogging",
     "stiffening": "a stiffening gear",
 }
-BIASED = 10.0  # an estimate with a larger bias [% of nominal] is called biased
+BIASED = 10.0  # an estimate is called biased if its bias exceeds this limit [% of nominal]
 
 
 def listed(names: Sequence[str]) -> str:
-    """Return names joined by commas and "and", for use in a sentence.
+    """Join names with commas and "and" for use in a sentence.
 
     Examples
     --------
@@ -53,7 +53,7 @@ def listed(names: Sequence[str]) -> str:
 
 
 def change(fault: Row) -> str:
-    """Return the description of a fault in words.
+    """Return a description of a fault.
 
     Examples
     --------
@@ -66,31 +66,34 @@ def change(fault: Row) -> str:
 
 
 def unmodelled(definition: Row) -> str:
-    """Return the nonlinear effects of an axis as text, joined by commas and "and"."""
+    """Return a list of the nonlinear effects of an axis as text, such as "cogging and backlash"."""
     return listed([BESIDE[key] for key in BESIDE if definition.get(key)])
 
 
 def happens(definition: Row) -> str:
-    """Return the events of a scenario in words: "motor friction +50 %, with dry friction"."""
+    """Return a description such as "motor friction +50 %, with dry friction" of a scenario."""
     faults = ", ".join(map(change, definition.get("fault") or ())) or "no fault"
     beside = unmodelled(definition)
     return f"{faults}, with {beside}" if beside else faults
 
 
 def order_of(summary: Row) -> list[str]:
-    """Return the estimators of a run in the order of their rank, unranked ones last."""
+    """Return the estimators of a run in the order of rank; estimators without a rank come last."""
     ranked = [row["estimator"] for row in (summary.get("tradeoff") or {}).get("overall", ())]
     return list(dict.fromkeys([*ranked, *summary["estimators"]]))
 
 
 def fault_words(swept: Row) -> dict[str, str]:
-    """Return descriptions of the faults of a sweep, keyed by "SCENARIO: PARAMETER"."""
+    """Return descriptions of the faults in the comparison at equal noise.
+
+    The keys have the form "SCENARIO: PARAMETER".
+    """
     definitions, rows = swept["definitions"], swept["matched"]
     return {f"{r['scenario']}: {r['parameter']}": happens(definitions[r["scenario"]]) for r in rows}
 
 
 def answer(summary: Row) -> tuple[str, list[str]]:
-    """Return the main result of a run as a sentence, and a list of sentences with more results."""
+    """Return a sentence with the main result of a run, and sentences with further results."""
     rows = [row for row in (summary.get("tradeoff") or {}).get("matched", ())
             if row["estimator"] not in CONTROLS]  # fmt: skip
     few = too_few(rows) if rows else "no estimators were compared at equal noise"
@@ -117,7 +120,7 @@ def _title(matched: pd.DataFrame, first: Sequence[str], where: str) -> str:
     equal = matched[matched["how"] == "matched"]
     lags = equal.pivot_table("lag", "estimator", "fault").reindex([REFERENCE, *first])
     ratios = (lags.iloc[0] / lags.iloc[1:]).stack()
-    if not ratios.min() >= 1.05:  # also if the reference itself leads
+    if not ratios.min() >= 1.05:  # also the case if the reference is among the leading estimators
         return f"{listed(first)} lead{'s' * (len(first) == 1)} {where}, at equal noise"
     ends = dict.fromkeys(f"{r:.0f}" if r >= 3 else short(r) for r in (ratios.min(), ratios.max()))
     times = f"{' to '.join(ends)} times faster than {REFERENCE}, at equal noise"
@@ -125,21 +128,21 @@ def _title(matched: pd.DataFrame, first: Sequence[str], where: str) -> str:
 
 
 def warning(rows: Sequence[Row], scenarios: Mapping[str, Row]) -> tuple[str, str] | None:
-    """Return a sentence that warns of biased estimates, and the name of its scenario.
+    """Return a sentence that warns of biased estimates, and the name of the scenario.
 
-    The warning concerns the scenario in which the largest share of the estimators is biased.
+    The warning is about the scenario in which the share of biased estimators is largest.
 
     Parameters
     ----------
     rows : sequence of mapping
         Pooled scores at default settings.
     scenarios : mapping of str to mapping
-        Scenarios with their `definition`, keyed by name.
+        Mappings that contain the `definition` of a scenario, keyed by name.
 
     Returns
     -------
     (str, str) or None
-        The sentence and the scenario; None if no estimate is biased.
+        The sentence and the name of the scenario, or None if no estimate is biased.
     """
     able = pd.DataFrame([r for r in rows if r["changed"] and r["estimator"] not in CONTROLS])
     if able.empty:
@@ -160,12 +163,12 @@ def warning(rows: Sequence[Row], scenarios: Mapping[str, Row]) -> tuple[str, str
 
 
 def failures_in_words(failures: Sequence[Row]) -> list[tuple[str, int]]:
-    """Return a sentence on the first failure and the number of failures of each estimator.
+    """Return, for each estimator, a sentence about its first failure and its number of failures.
 
     Parameters
     ----------
     failures : sequence of mapping
-        Failed cases, with `scenario`, `estimator`, `seed` and `error`.
+        Failed cases; each mapping contains `scenario`, `estimator`, `seed` and `error`.
     """
     texts: dict[str, list[str]] = {}
     for row in failures:
@@ -191,16 +194,16 @@ AXES = {
     "forgetting": "forgetting factor λ",
     "drift": "size of the drift Δ",
 }
-"""Labels of swept keys; keys without a label are shown as they are."""
+"""Labels of swept keys; for a key that is not in this table, reports show the key itself."""
 
 
 def axis_words(key: str) -> str:
-    """Return the label of a swept key: the one in `AXES` with its unit, or the key itself.
+    """Return the label (with unit) of a swept key, or the key itself if `AXES` has no label.
 
     Parameters
     ----------
     key : str
-        A key such as ``"fault[0].factor"`` or ``"rpem-forgetting.forgetting"``.
+        Swept key such as ``"fault[0].factor"`` or ``"rpem-forgetting.forgetting"``.
 
     Examples
     --------
