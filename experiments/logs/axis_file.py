@@ -106,9 +106,9 @@ class Axis:
         """
         if self.rate is not None and abs(self.rate * period - 1) > SAME_RATE:
             raise LogError(
-                f"the axis was identified at {self.rate:.6g} Hz, and its noise filter holds at "
-                f"that rate only; the log has {1 / period:.6g} Hz: import it with --resample "
-                f"{self.rate:.6g}, or identify the axis anew from a log of this rate"
+                f"the axis was identified at {self.rate:.6g} Hz, and its noise filter is valid for "
+                f"this rate only; the log has {1 / period:.6g} Hz: import it with --resample "
+                f"{self.rate:.6g}, or identify the axis again from a log at its new rate"
             )
 
     def save(self, path: Path) -> None:

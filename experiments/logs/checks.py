@@ -98,7 +98,7 @@ def time_stamps(e: Evidence) -> Told:
     if len(gaps := np.diff(gaps_of(e.valid))):
         texts.append(
             f"{missing:.2g} % missing in {len(gaps)} gaps, the longest {gaps.max() / rate:.3g} s; "
-            "nothing is learnt in them"
+            "gaps are not used"
         )
     kind: Kind = "note" if texts[1:] else "ok"
     yield "problem" if missing >= MISSING else kind, "; ".join(texts), ""
@@ -110,8 +110,8 @@ def wrapping(e: Evidence) -> Told:
     fastest = float(np.abs(np.diff(angle)).max()) / (turn or np.inf)
     if fastest >= WRAPS:
         text = (
-            f"it moves by up to {fastest:.2g} of a turn in a sample, and beyond half a turn the "
-            "direction is a guess: log the angle without wrapping or faster, or use the speed"
+            f"the angle moves by up to {fastest:.2g} turns per sample; above half a turn, the "
+            "direction is unknown: log the angle without wrapping or faster, or use the speed"
         )
         yield "problem", text, "--speed COLUMN in place of --angle"
     elif turn:
@@ -126,9 +126,9 @@ def clipping(e: Evidence) -> Told:
     share = 100 * float(np.mean(np.abs(np.convolve(limit, np.ones(RUN), "valid")) == RUN))
     if share and len(np.unique(u[:10_000])) > LEVELS:
         text = (
-            f"the torque stands at its limit, {np.abs(u).max():.4g}, for {share:.2g} % of the "
-            "time: this is harmless if that torque acted; if it is a demand, or the end of "
-            "the sensor's range, log the torque that acted, or excite less"
+            f"the torque is at its limit, {np.abs(u).max():.4g}, for {share:.2g} % of the "
+            "time: this is harmless if the logged torque acted; if the log contains a command, or "
+            "if the sensor is saturated, log the torque that acted, or excite less"
         )
         yield "note" if share < CLIPPED else "problem", text, ""
 
@@ -141,8 +141,8 @@ def clocks(e: Evidence) -> Told:
     if slow:
         n = max(slow.values())
         text = (
-            f"{' and '.join(slow)} changes course at every {n}th sample only, as a repeated or "
-            "interpolated signal does: log both by one clock, or reduce the log to the slower rate"
+            f"{' and '.join(slow)} is updated at every {n}th sample only; the samples between are "
+            "repeated or interpolated: log both with one clock, or reduce the rate of the log"
         )
         yield "problem", text, f"--resample {1 / e.record.period / n:.6g}"
 
@@ -164,7 +164,7 @@ def units(e: Evidence) -> Told:
     if assumed:
         taken = ", ".join(f"{name} in {SI[name]}" for name in assumed)
         text = (
-            f"not stated; assumed: {taken}. No log shows a wrong unit, which scales the estimates"
+            f"not stated; assumed: {taken}. No log reveals a wrong unit, which scales the estimates"
         )
         yield "note", text, " ".join(f"--unit {n}={SI[n]}" for n in assumed)
 
@@ -187,22 +187,22 @@ def refuse_nonsense(raw: Raw) -> None:
             if abs(ratio / factor - 1) < SAME:
                 raise LogError(
                     f"speed is {ratio:.3g} times the slope of the angle, as if the {name} were in "
-                    f"{unit}: state it with --unit {name}={unit} (or is the other in another unit?)"
+                    f"{unit}: give --unit {name}={unit} (or the unit of the other signal is wrong)"
                 )
     for name in raw.signals.keys() - raw.unit.keys() - {"torque"}:
         values = raw.signals[name]
         jumps = np.abs(np.diff(values))
         if name == "angle" and ((jumps > 350) & (jumps < 360.5)).any():
             raise LogError(
-                "angle jumps by 360 between samples, as an angle in degrees does that wraps: "
-                "state it with --unit angle=deg (or rad, if that is what it is)"
+                "angle jumps by 360 between samples, like an angle in degrees that wraps: "
+                "give --unit angle=deg, or --unit angle=rad if the angle is in rad"
             )
         speed = float(np.nanpercentile(abs(_slope(raw) if name == "angle" else values), USUAL))
         if speed > FASTEST:
             raise LogError(
                 f"the motor would turn at {speed:.3g} rad/s: is {name} in deg, rpm or counts? "
-                f"State it with --unit {name}=… or --scale {name}=FACTOR, or time with --unit "
-                f"time=…; if all is right, with --unit {name}={SI[name]}"
+                f"Give the unit with --unit {name}=… or --scale {name}=FACTOR, or that of the time "
+                f"with --unit time=…; if the speed is correct, give --unit {name}={SI[name]}"
             )
 
 
@@ -231,7 +231,7 @@ def other_speed(e: Evidence) -> Told:
     if late >= LATE * e.record.period:
         text = (
             f"the speed is {1e3 * late:.3g} ms later than the slope of the angle, as after a "
-            "low-pass. The angle is used, which is not filtered"
+            "low-pass filter. The angle is used, because it is not filtered"
         )
         yield "info", text, ""
 
@@ -244,10 +244,10 @@ def outliers_of(e: Evidence) -> Told:
         jump = np.abs(np.diff(e.raw.signals[name][known])).max()
         at = ", ".join(f"{t:.6g}" for t in e.raw.time[known][far][:4]) + " …" * int(far.sum() > 4)
         text = (
-            f"the {name} jumps by up to {jump:.5g} {SI[name]} and back within some samples, as no "
-            f"axis moves, at {at} s ({far.sum()} samples); that spoils all estimates. Empty such "
-            "cells of the log: what is missing is not used. If a counter wraps there, give its "
-            "counts: --counts N"
+            f"the {name} jumps by up to {jump:.5g} {SI[name]} and back within a few samples, which "
+            f"no axis can do, at {at} s ({far.sum()} samples); such samples spoil all estimates. "
+            "Empty these cells of the log: empty cells are not used. If a counter wraps there, "
+            "give its number of counts: --counts N"
         )
         yield "problem", text, ""
 
@@ -292,7 +292,7 @@ def sign(e: Evidence) -> Told:
     after = np.append(e.speed[1:], e.speed[-1])
     moving = after if e.raw.motion == "angle" else (e.speed + after) / 2
     if along < 0 and float(np.mean((u * moving)[e.valid])) < 0:
-        text = "torque and motion have opposite signs: turn one of them"
+        text = "torque and motion have opposite signs: reverse one of them"
         yield "problem", text, "--scale torque=-1"
 
 
@@ -309,8 +309,8 @@ def torque_kind(raw: Raw, stated: str | None, column: str) -> tuple[str, str]:
         return "held", "it switches between levels, or is constant between jumps"
     for kind, names in (("held", _COMMAND), ("smooth", _MEASURED)):
         if names.search(column):
-            return kind, f"its column is called {column}; state another by --torque-is"
-    return "held", "taken for a command; a measured current is stated by --torque-is smooth"
+            return kind, f"its column is called {column}; use --torque-is for the other kind"
+    return "held", "assumed to be a command; for a measured current use --torque-is smooth"
 
 
 def torque(e: Evidence) -> Told:
@@ -327,7 +327,7 @@ CHECKS: dict[tuple[str, str], Callable[[Evidence], Told]] = {
     ("wrapping of the angle", ""): wrapping,
     ("clipping of the torque", "none"): clipping,
     ("clocks", "torque and motion are updated at every sample"): clocks,
-    ("units", "stated, or beyond doubt"): units,
+    ("units", "stated, or certain"): units,
     ("resolution", ""): coarse,
     ("torque between samples", ""): torque,
     ("outliers of the motion", "none"): outliers_of,

@@ -170,7 +170,7 @@ def identify(
     """
     for option, value, known in (("friction", friction, KINDS), ("gravity", gravity, GRAVITY)):
         if value not in known:
-            raise LogError(f"--{option} {value}: it is one of {', '.join(known)}")
+            raise LogError(f"--{option} {value}: give one of {', '.join(known)}")
     roles = FRICTION.get("coulomb" if friction == "auto" else friction, {})
     if levels and (axis.model.laws or not levels.keys() <= {*roles.values()}):
         known = (*axis.model.parameters, *LAWFUL)
@@ -186,8 +186,8 @@ def identify(
     early, late = -4 * log.period, setup.latest
     if delay is not None and not early <= delay <= late:
         raise LogError(
-            f"--delay {delay:g}: the torque of this log acts {early:g} … {late:g} s after it is "
-            "logged; if its column is further off, shift it by whole samples"
+            f"--delay {delay:g}: in this log the torque acts {early:g} … {late:g} s after it is "
+            "logged; if the delay is outside this range, shift the column by whole samples"
         )
     falls = "none" if linear and gravity == "auto" else gravity
     search = Search(setup, axis.known, friction, falls, levels, tuple(fix))
@@ -226,8 +226,8 @@ def _result(search: Search, axis: Axis, record: Record, cut: bool) -> Identifica
     stated = record.versions.get("torque_because") == "as stated"
     if log.smooth and not stated and abs(lag / log.period - 0.5) < HELD:
         text = (
-            "the torque acts half a sample late, as a held command does, and was taken for a "
-            "measured one: state --torque-is held, or smooth"
+            "the torque acts half a sample late, like a held command, but was assumed to be "
+            "measured: give --torque-is held or --torque-is smooth"
         )
         findings.append(Finding("problem", text))
     if cut:

@@ -150,10 +150,10 @@ def on_clock(raw: Raw) -> tuple[Raw, str]:
         k = int(back[0]) + 1
         text = f"time goes from {time[k - 1]:.9g} s to {time[k]:.9g} s after the start at row {k}"
         if time[k] < 0.05 * time[k - 1]:
-            raise LogError(f"{text}: a new log begins there; take one with --rows 0:{k} or {k}:")
+            raise LogError(f"{text}: a new log begins there; use --rows 0:{k} or --rows {k}:")
         raise LogError(
-            f"{text}, and does not advance at {len(back)} rows: take out rows that are logged "
-            "twice or out of order, or, if the sampling was even, give --rate HZ in place of time"
+            f"{text}, and does not advance at {len(back)} rows: remove rows that are logged twice "
+            "or out of order, or, if the sampling was even, give --rate HZ instead of the time"
         )
     return replace(raw, time=time + raw.time[known][0], signals=signals), remark
 
@@ -182,7 +182,7 @@ def without_interpolation(raw: Raw) -> tuple[Raw, str]:
         return raw, ""
     part = slice(first, None, n)
     signals = {name: values[part] for name, values in raw.signals.items()}
-    remark = f"torque and {raw.motion} are lines between every {n}th row: only these are samples"
+    remark = f"torque and {raw.motion} are interpolated: only every {n}th row is used"
     return replace(raw, time=raw.time[part], signals=signals), remark
 
 
@@ -195,8 +195,8 @@ def _on_grid(raw: Raw, *, smooth: bool, rate: float | None) -> tuple[Record, str
     period, index = _grid(raw.time)
     if period > SLOWEST or (period >= 1 and "time" not in raw.unit):
         raise LogError(
-            f"a sample every {period:.3g} s: that is too slow for an axis; is time in ms, us or "
-            "ns? State it with --unit time=us, or, if it is right, --unit time=s"
+            f"a sample every {period:.3g} s is too slow for an axis; is time in ms, us or "
+            "ns? Give the unit, such as --unit time=us; if s is correct, give --unit time=s"
         )
     time = raw.time[0] + period * np.arange(index[-1] + 1.0)
     off = raw.time - time[index]
@@ -229,8 +229,8 @@ def _on_grid(raw: Raw, *, smooth: bool, rate: float | None) -> tuple[Record, str
     valid = np.all(valid[: n * every].reshape(n, every), axis=1)
     jitter = 100 * np.std(off) / period
     remark = (
-        f"stamps scatter by {jitter:.0f} % of a period, and signals were interpolated; if only the "
-        f"stamps are late, use --rate {1 / period:.6g} in place of the time"
+        f"stamps scatter by {jitter:.0f} % of a period, and signals were interpolated; if the "
+        f"sampling itself was even, use --rate {1 / period:.6g} instead of the time"
     )
     record = _record(time[: n * every : every], signals, valid)
     return record, remark if jitter >= JITTER else ""
@@ -260,7 +260,7 @@ def _record(time: Array, signals: dict[str, Any], valid: Flags) -> Record:
     moving = signals["speed"] if increment is None else increment
     if not (valid.any() and np.ptp(signals["torque"][valid]) and np.ptp(moving[valid])):
         raise LogError(
-            "torque or motion is constant where both are known: a wrong column, or an axis that "
+            "torque or motion is constant where both are known: a column is wrong, or the axis "
             "stood still"
         )
     resting = np.max(abs(moving[:5])) < RESTING * np.std(moving)

@@ -71,7 +71,7 @@ def find_logs(folder: Path) -> list[Path]:
         if path.suffix.lower() in SUFFIXES and path.name[0] != "." and not path.stem.endswith(MADE)
     ]
     if not logs:
-        raise LogError(f"{folder}: has no log, which would end in {', '.join(SUFFIXES)}")
+        raise LogError(f"{folder}: contains no log with the ending {', '.join(SUFFIXES)}")
     return sorted(logs, key=lambda path: [t.zfill(20) for t in re.split(r"(\d+)", path.name)])
 
 

@@ -173,8 +173,8 @@ def _columns(log: Log, mapping: LogMap) -> dict[str, str]:
     ):
         if not answered:
             raise LogError(
-                f"which column is the {question}; there are {log.listed}. If these are no names, "
-                "give the line of the names with --header LINE"
+                f"which column is the {question}; the columns are {log.listed}. If these are not "
+                "names, give the line of the names with --header LINE"
             )
     return chosen
 

@@ -108,7 +108,7 @@ def import_page(result: Imported, log: str) -> LogPage:
         "torque [as logged]": [_line(record.time, record.torque, "log")],
         "speed [rad/s]": [_line(record.time, getattr(record, output_of(record)), "log")],
     }
-    words = "The log. Shaded: missing, or before the end of the burn-in."
+    words = "The log. Samples that are missing, or within the burn-in, are shaded."
     chart = Chart("The log", words, panels, {"spans": _gaps(record.time, usable(record))})
     return LogPage(f"Import of {log}", finding, checks, [chart])
 
@@ -209,7 +209,7 @@ def track_page(result: Tracked, estimator: str, *, problems: Sequence[str], log:
         panels[f"{name} / nominal"] = [Series(x=t, y=y, estimator=estimator, **sides), one]
     marks = [(one.time, one.text) for one in result.changes if one.kind == "step"]
     marks += [(float(at), "alarm") for at in result.alarms]
-    words = "Estimates over nominal, ±2σ as the estimator claims. Vertical lines: steps and alarms."
+    words = "Ratios of estimates to nominal values, ±2σ. Vertical lines mark steps and alarms."
     options = {"marks": marks, "spans": _gaps(result.time, result.usable)}
     chart = Chart("Estimates", words, panels, options)
     return LogPage(f"{estimator} on {log}", finding, remarks, [chart], table)
@@ -223,6 +223,6 @@ def many_page(result: Many, title: str) -> LogPage:
         y, band = table[name].to_numpy(), 2 * table[f"{name}_sd"].to_numpy()
         points = Series(x=k, y=y, low=y - band, high=y + band, kind="points", label="log, ±2σ")
         panels[name] = [points, Series(x=k, y=one.fitted, role="truth", label="explained")]
-    words = "Each log with ±2σ; the line is what covariates and a change explain."
+    words = "Estimates from each log, ±2σ. The line shows the effects of covariates and a change."
     chart = Chart("Estimates over the logs", words, panels, x="log")
     return LogPage(title, result.findings[0], result.findings[1:], [chart], table)

@@ -110,7 +110,7 @@ def open_log(path: Path, header: int | None = None) -> Log:
         reason = getattr(error, "strerror", None) or f"{error}; is it damaged?"
         raise LogError(f"cannot be read: {reason}") from error
     if not columns:
-        raise LogError("holds no columns of numbers")
+        raise LogError("contains no columns of numbers")
     return Log(tuple(columns), lambda names, rows: {n: columns[n][rows] for n in names})
 
 
@@ -150,9 +150,7 @@ def _csv(path: Path, start: bytes, header: int | None) -> Log:
         tried, key=lambda t: t[:2], default=(0.0, 0, 0, "", "")
     )
     if not share:
-        raise LogError(
-            "neither MAT nor HDF5, and without the rows of numbers of a CSV: unpack or export it"
-        )
+        raise LogError("is not MAT, HDF5, or a CSV with rows of numbers: unpack or export it")
     first = kept[row]
     head = _head(lines[:first], separator, width, header)
     names, units = names_and_units([*head, *[""] * width][:width])

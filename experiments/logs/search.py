@@ -125,8 +125,8 @@ class Search:
         able = "speed_motor" in model.states and "J_m" in model.parameters
         if kind in FRICTION and not (able or model.laws):
             raise LogError(
-                f"--friction {kind} acts on a state speed_motor by 1/J_m, which model {model.name} "
-                "does not have: write its own [[law]] into the TOML, or use --friction none"
+                f"--friction {kind} needs a state speed_motor and a parameter J_m, and the model "
+                f"{model.name} lacks one: write a [[law]] in the TOML, or use --friction none"
             )
         if not able or model.laws:
             return best
@@ -260,8 +260,8 @@ class Search:
         best = min(fits, key=lambda fitted: fitted.square)
         if not np.isfinite(best.square):
             raise LogError(
-                "no start could be simulated over the log: give nominal values of the right size, "
-                "with --start NAME=VALUE"
+                "from no initial values could the log be simulated: give nominal values of the "
+                "correct order of magnitude with --start NAME=VALUE"
             )
         return candidate(setup, best.z[: len(setup.names)], float(best.z[-1]))
 

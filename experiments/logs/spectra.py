@@ -114,9 +114,9 @@ def measured_response(u: Array, y: Array, *, period: float, floor: float = 0.0) 
     seen = (s.frequency > 0) & (s.coherence > COHERENT) & (s.torque >= floor * middle)
     if seen.sum() < 10:
         raise LogError(
-            f"the torque explains the output at {int(seen.sum())} frequencies only: swapped or "
-            "shifted columns, or an excitation too small or too slow: log a multisine, or try "
-            "--model one_mass"
+            f"the torque explains the output at {int(seen.sum())} frequencies only: columns are "
+            "swapped or shifted, or the excitation is too small or too slow: log a multisine, or "
+            "try --model one_mass"
         )
     return Spectra(s.frequency[seen], s.torque[seen], s.motion[seen], s.cross[seen])
 
@@ -189,7 +189,7 @@ def fit_response(
     except ValueError as error:
         raise LogError(
             f"from these values the model has no finite response: {dict(chosen.nominal)}; "  # type: ignore[attr-defined]
-            "give others with --start NAME=VALUE"
+            "give other values with --start NAME=VALUE"
         ) from error
     best = min(fits, key=lambda fit: float(fit.cost)).x
     return chosen.theta * np.exp(best[:p]), max(float(best[p] * period), earliest)

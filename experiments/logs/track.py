@@ -152,8 +152,8 @@ def track(
     residual, psi = look(last)
     if not (np.isfinite(residual).all() and np.isfinite(psi).all()):
         raise LogError(
-            "the estimates diverged, or a simulation with the last ones does: identify first, or "
-            "choose another estimator"
+            "the estimates diverged, or a simulation with the last estimates does: identify the "
+            "axis first, or choose another estimator"
         )
     changes, unseen = changes_along(look, record.time[good], last, names)
     powers = zip(map(physical, names), last, strict=True)
@@ -167,10 +167,10 @@ def track(
         begin, end = record.time[np.flatnonzero(stopped)[[0, -1]]]
         text = (
             f"the motor stands still between {begin:.1f} s and {end:.1f} s although the torque "
-            "would move it, as if stopped from outside; these samples are not used"
+            "should move it, as if it were blocked; these samples are not used"
         )
         findings.append(Finding("note", text))
-    white = "white" if abs(past) < WHITE else "so the estimates do not explain everything"
+    white = "so it is white" if abs(past) < WHITE else "so the model does not explain everything"
     texts = [
         f"fit of a simulation from the torque alone: {checked.fit.percent:.1f} %",
         f"the residual correlates with its past by {past:.3f}, {white}",
@@ -198,7 +198,7 @@ def _findings(
     if findings:
         return findings
     texts = [
-        f"the estimate of {name} ends {100 * by:+.1f} % off what was identified"
+        f"the last estimate of {name} differs by {100 * by:+.1f} % from the identified value"
         for name, by in off.items()
         if abs(by) > OFF
     ]
@@ -242,7 +242,7 @@ def _build(
         values[name] *= start**power
     if model.laws and not spec.is_users and not REGISTRY[spec.name].laws:
         raise LogError(
-            f"the axis has laws, such as dry friction, and {spec.text} knows linear models only: "
+            f"the axis has laws, such as dry friction, but {spec.text} needs a linear model: "
             f"use --estimator {RECOMMENDED}"
         )
     known: dict[str, Any] = {"identify": tuple(identify), "output": output, "torque": torque}
@@ -256,7 +256,7 @@ def _build(
     # an estimator for models with laws may also track parameters of the laws
     if estimator.output != output or own[: len(identify)] != tuple(identify):
         raise EstimatorError(
-            f"{spec.text} estimates {', '.join(own)} from {estimator.output!r}; asked were "
+            f"{spec.text} estimates {', '.join(own)} from {estimator.output!r}, instead of "
             f"{', '.join(identify)} from {output!r}"
         )
     return estimator

@@ -81,27 +81,27 @@ def judged(
          "the fit did not converge; start from these estimates with --start NAME=VALUE, or fix "
          "the least certain parameter with --fix NAME=VALUE"),
         ("problem", rubs,
-         "with dry friction the simulation would be better, and a linear model takes dry friction "
-         "for viscous friction; use --friction auto"),
+         "dry friction improves the simulation, and a linear model mistakes dry friction for "
+         "viscous friction; use --friction auto"),
         ("problem", lost,
-         f"{100 * missing:.0f} % of the samples are missing, in {gaps} gaps, so the torque in them "
-         "is not known and the estimates are off; log without loss, or use a part with --rows A:B"),
+         f"{100 * missing:.0f} % of the samples are missing, in {gaps} gaps with unknown torque; "
+         "the estimates are wrong; log without loss, or use a part with --rows A:B"),
         *(("problem", True, _change(one, period)) for one in changes[:1]),
         *_unseen(search, chosen),
         ("problem", free and lag >= max(setup.latest * (1 - 1e-9), EARLY * sd),
-         f"the torque acts at least {1e3 * lag:.3g} ms after it is logged, so the columns of "
-         "torque and motion are shifted; shift one, or give --delay S"),
+         f"the torque acts at least {1e3 * lag:.3g} ms after it is logged, so the torque and "
+         "motion columns are out of step; shift one of them, or give --delay S"),
         ("problem" if log.smooth else "note", free and lag < -least * period - EARLY * sd,
          f"the torque acts {-lag / period:.2f} samples before it is logged, which is impossible: "
-         "its column is late or filtered. These estimates hold for the shifted column; shift it by "
-         "whole samples, or log the torque before its filter"),
+         "its column is late or filtered. The estimates are valid for the shifted column; shift it "
+         "by whole samples, or log the torque before its filter"),
         ("problem",
          free and log.output == "speed" and best.lacks and lag > FILTERED * period,
          f"the speed is behind a low-pass of about {1e3 * lag:.1g} ms, or has another lag that a "
-         "delay does not explain, so inertias and springs are off by some per cent; log the angle, "
-         "or the speed before its filter"),
+         "delay does not explain, so inertias and springs are wrong by a few per cent; log the "
+         "angle, or the speed before its filter"),
         ("note", best.lacks,
-         "the simulation leaves more than noise: something acts that the model lacks"),
+         "the simulation error exceeds the noise: an effect is missing in the model"),
         ("info", bool(compared),
          f"compared by the error of a simulation of held-out pieces: {compared}"),
     ]  # fmt: skip
@@ -143,7 +143,7 @@ def _unseen(search: Search, chosen: Answer) -> Iterator[tuple[Kind, bool, str]]:
         if name == "f_c":
             remedy = "use --friction none, or a longer log with slow and fast motion"
         elif other := _summed(chosen, name):
-            remedy = f"only {name} + {other} is seen: give --fix {name}=0, and take {other} as it"
+            remedy = f"only {name} + {other} is known: give --fix {name}=0; {other} is then the sum"
         grave = bool(ends) or 2 * len(unseen) > len(names)
         text = f"the log does not determine {name}: {known}; {remedy}"
         yield "problem" if grave else "note", True, text
@@ -194,7 +194,7 @@ class Fit:
         return (
             f"a simulation from the torque fits by only {self.percent:.1f} %{told}: this is "
             "another axis or another motion, or torque or angle has another unit or sign; compare "
-            "units and scales with the first log, or identify again"
+            "units and scales with those of the first log, or identify again"
         )
 
 
