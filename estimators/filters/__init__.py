@@ -1,6 +1,7 @@
-"""What an estimator does with a model: options, P and its rules, noise, claims.
+"""Components of the recursive filters: options, updates of P, noise, claimed covariance.
 
-`filter` is the shape of all: step, run, reset; `state` is what they have in common. The parts are
-`prediction_error` and `forgetting` (the paper's kind), `joint` (Kalman filters of state and
-parameters) and `interacting_models`. In come a problem and options (`design`), out goes a filter.
+`filter` defines the interface of all filters: step, run, reset. `state` contains the variables that
+all filters have in common. `prediction_error` and `forgetting` implement the paper's method;
+`joint` implements Kalman filters for state and parameters, and `interacting_models` combines
+several of these. `design` checks the options from which a filter is constructed.
 """

@@ -1,19 +1,20 @@
 """
-Estimates drawn towards nominal values that the data do not contradict, in compiled code.
+Estimates that are drawn towards nominal values unless the data contradict these values.
 
-Each parameter that a filter learns adds variance to the estimates of the others, even if its
-nominal value was right. Let μ and Σ be mean and covariance of all parameters, s₀ the nominal values
-of a group s, and χ² = (μ_s − s₀)ᵀ Σ_ss⁻¹ (μ_s − s₀). The estimate given s = s₀ is
-μ + Σ_·s Σ_ss⁻¹ (s₀ − μ_s). The estimate moves towards it by the weight
+Each parameter that a filter learns increases the variance of the other estimates, even if the
+nominal value of the parameter is correct. Let μ and Σ be the mean and the covariance of all
+parameters, s₀ the nominal values of a group s, and χ² = (μ_s − s₀)ᵀ Σ_ss⁻¹ (μ_s − s₀). The
+conditional estimate for s = s₀ is μ + Σ_·s Σ_ss⁻¹ (s₀ − μ_s). The result is a weighted mean of the
+two estimates, in which the conditional estimate has the weight
 
     w = 1/(1 + exp(½(χ² − c))),
 
-with c the 95 % quantile of χ² for that number of parameters. Apart from c these are Akaike's
-weights (K. P. Burnham and D. R. Anderson, *Model selection and multimodel inference*, 2002, §2.9).
-A wrong nominal value draws an estimate by about √c of its standard deviations at most; Bayes
-factors would keep it far longer. The groups are applied in turn. The filter itself is not changed.
-Each group adds w(1 − w) d dᵀ to the covariance, as in any mixture: d is the difference of the two
-estimates.
+where c is the 95 % quantile of the χ² distribution for the number of parameters in the group. Apart
+from c these are Akaike's weights (K. P. Burnham and D. R. Anderson, *Model selection and multimodel
+inference*, 2002, §2.9). A wrong nominal value shifts an estimate by at most about √c standard
+deviations; Bayes factors would retain a wrong value far longer. The groups are applied one after
+the other. The filter itself is not changed. As in any mixture, each group adds w(1 − w) d dᵀ to the
+covariance, where d is the difference of the two estimates.
 """
 
 from collections.abc import Sequence
@@ -25,8 +26,8 @@ from numpy.typing import NDArray
 from flexaxis.estimators.models.compiler import inlined
 from flexaxis.estimators.models.memory import Indices, Matrix, Vector
 
-LEVEL = 0.95  # of χ², at which nominal values and data have equal weights
-SETTLED = 1e-9  # of a variance, below which it counts as zero
+LEVEL = 0.95  # quantile of χ² at which nominal values and data have equal weights
+SETTLED = 1e-9  # relative variance below which a conditional variance counts as zero
 
 
 class Told(NamedTuple):
@@ -36,15 +37,20 @@ class Told(NamedTuple):
     Attributes
     ----------
     union : (u,) array
-        Indices of the θ that are estimates or in a group.
+        Indices of the θ that are tracked or belong to a group.
     members, values : (groups, most) arrays
-        Places of a group in the union, −1 for none, and its nominal values.
+        Positions in ``union`` of the members of each group, padded with −1, and their nominal
+        values.
     limit : (groups,) array
-        c of each group.
+        Quantile c of each group.
     drawn : (u,) array
-        The estimate; drawn_P + drawn_between is its covariance.
-    drawn_P, drawn_between, P : (u, u) arrays
-    mean, column : (u,) arrays
+        Resulting estimates.
+    drawn_P, drawn_between : (u, u) arrays
+        Two summands of the covariance of ``drawn``: within and between the estimates of a mixture.
+    mean, P : (u,) and (u, u) arrays
+        Conditional estimate and its covariance; overwritten for each group.
+    column : (u,) array
+        Column of P; overwritten for each parameter.
     """
 
     union: Indices
@@ -68,9 +74,9 @@ def told_arrays(
     Parameters
     ----------
     tracked : int
-        Number of estimates, the first θ.
+        Number of tracked parameters, which are the first elements of θ.
     groups : sequence of (indices, values)
-        Indices of θ with their nominal values, in the units of θ.
+        Indices in θ of the parameters of each group, and their nominal values in the units of θ.
     """
     from scipy.stats import chi2  # takes a third of a second to import
 
@@ -100,10 +106,10 @@ def told_arrays(
 @inlined
 def draw_estimates(told, P, theta, estimates):
     """
-    Write estimates (q,) that are drawn towards nominal values the data do not contradict.
+    Write estimates (q,) that are drawn towards nominal values unless the data contradict these.
 
-    θ (p,) and P are the estimates without them. The covariance of the result is ``drawn_P +
-    drawn_between``.
+    θ (p,) and P are the estimates and the covariance without the nominal values. The covariance of
+    the result is ``drawn_P + drawn_between``.
     """
     union, drawn, drawn_P = told.union, told.drawn, told.drawn_P
     for a in range(len(union)):
@@ -122,8 +128,9 @@ def _draw(told, g):
     """
     Draw the estimates towards the nominal values of one group.
 
-    Its parameters are measured without noise, one after the other. One without variance given those
-    before has its nominal value already.
+    The conditional estimate is computed by treating the nominal value of each parameter, one after
+    the other, as a measurement without noise. A parameter without variance is skipped, because the
+    parameters before it already determine its value.
     """
     drawn, P, between = told.drawn, told.drawn_P, told.drawn_between
     mean, C, column = told.mean, told.P, told.column

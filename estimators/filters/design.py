@@ -1,4 +1,4 @@
-"""The options of a recursive estimator, checked once and with defaults filled in."""
+"""The options of a recursive estimator, checked and completed with defaults."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,46 +13,46 @@ from flexaxis.estimators.signals import counted_angle, find_signal
 
 Array = NDArray[np.float64]
 
-TIME_CONSTANT = 1.0  # s, of forgetting by default; λ = 0.995 at 5 ms, as in the paper
-ANCHOR = 10.0  # rad, standard deviation of the angle before its first reading: far more than an
-# encoder resolves, and little enough for the arithmetic
-DEFAULT_BOX = (0.1, 10.0)  # times θ(0)
+TIME_CONSTANT = 1.0  # s, default time constant of forgetting; λ = 0.995 at 5 ms, as in the paper
+ANCHOR = 10.0  # rad, standard deviation of the angle before its first reading: much larger than the
+# resolution of an encoder, but small enough for accurate arithmetic
+DEFAULT_BOX = (0.1, 10.0)  # default bounds, as multiples of θ(0)
 
 
 @dataclass(frozen=True)
 class Design:
     """
-    The checked options of a filter, in relative parameters η = θ/θ(0); made by `make_design`.
+    The checked options of a filter, in relative parameters η = θ/θ(0); created by `make_design`.
 
-    In η a filter starts at one, whatever the units and signs of θ are.
+    The initial value of η is one, independent of the units and signs of θ.
 
     Attributes
     ----------
     model : Parametrization
-        The model as a function of η, its output as chosen.
+        Model as a function of η, with the selected output.
     scale : (p,) array
-        θ(0), by which η is multiplied to give θ; ones for a design in θ itself.
+        Ratio θ/η: θ(0), or the option ``scale`` of `make_design`.
     output : str
         Name of the signal y in `flexaxis.estimators.signals.SIGNALS`.
     period : float
         Sampling period [s].
     theta0 : (p,) array
-        η(0).
+        Initial estimate η(0).
     P0 : (p, p) array
-        P(0) of η, for a noise variance of one.
+        Initial matrix P(0) for η, for a noise variance of one.
     forgetting : float
-        λ of eq. (9); one with covariance modification.
+        Forgetting factor λ of eq. (9); one with covariance modification.
     drift : (p, p) array
-        Δ of eq. (10), for η; zero with forgetting.
+        Covariance Δ of eq. (10), for η; zero with forgetting.
     regularization : (p,) array
-        Diagonal of μ I of eq. (11), (12), for η.
+        Diagonal of the matrix μ I of eq. (11), (12), for η.
     lower, upper : (p,) arrays
-        The box on which η is projected.
+        Bounds of the box on which η is projected.
     noise : float
-        Standard deviation of y, in its unit; 0 if it has to be estimated.
+        Standard deviation of the noise of y, in the unit of y; 0 if the noise has to be estimated.
     x0_covariance : (n, n) array
-        Covariance of the state at the first sample, without the torques of laws. The state itself
-        is zero.
+        Covariance of the n states at the first sample, without the torques of laws. The expected
+        value of the states is zero.
     differences : bool
         Whether the filter converts angles to increments.
     """
@@ -79,7 +79,7 @@ class Design:
 
     @property
     def bounds(self) -> tuple[Array, Array]:
-        """The box of θ."""
+        """Lower and upper bounds (p,) of θ."""
         sides = self.lower * self.scale, self.upper * self.scale
         return np.minimum(*sides), np.maximum(*sides)
 
@@ -102,22 +102,24 @@ def make_design(
     corrects: bool = False,
 ) -> Design:
     """
-    Check the options of `flexaxis.estimators.Rpem`, which explains them, and fill in defaults.
+    Check the options of an estimator and fill in defaults.
+
+    `flexaxis.estimators.Rpem` documents the parameters that are not listed here.
 
     Parameters
     ----------
     x0_variance : (n,) array_like, optional
         Variances of the states of ``model`` at the first sample; zero by default.
     scale : (p,) array_like, optional
-        Divides θ instead of θ(0), for parameters of laws that start at zero.
+        Divisor of θ in η, used instead of θ(0) for parameters of laws that start at zero.
     corrects : bool
-        Whether the filter corrects its state. If so, it reads angles directly; otherwise it reads
-        their increments.
+        Whether the filter corrects its state. A filter with correction reads angles directly; any
+        other filter reads the increments of the angle.
 
     Raises
     ------
     EstimatorError
-        On the first option that cannot be used, saying what would be allowed.
+        If an option cannot be used; the message says what is allowed.
     """
     above_zero("period", period, "the sampling period in seconds")
     counted, differences = output == "angle" and corrects, output == "angle" and not corrects
@@ -165,19 +167,19 @@ def _scale(start: Array, asked: ArrayLike | None) -> Array:
 
 
 def above_zero(name: str, value: object, what: str) -> float:
-    """Return a finite number above zero; ``what`` says what it is, and its unit."""
+    """Return a finite number above zero; ``what`` describes the number and its unit in messages."""
     if _is_number(value) and 0 < value < np.inf:  # type: ignore[operator]
         return float(value)  # type: ignore[arg-type]
     raise EstimatorError(f"{name} is {value!r}; give {what}, finite and above 0")
 
 
 def at_least_zero(name: str, value: object, what: str) -> float:
-    """Return a finite number that is not negative; ``what`` says what it is, and its unit."""
+    """Return a finite number that is not negative; ``what`` describes it in messages."""
     return 0.0 if _is_number(value) and value == 0 else above_zero(name, value, f"0 or {what}")
 
 
 def flag(name: str, value: object) -> bool:
-    """Return a value that is True or False."""
+    """Return a boolean option, or raise EstimatorError if the value is not boolean."""
     if isinstance(value, bool):
         return value
     raise EstimatorError(f"{name} is {value!r}; give true or false")
@@ -188,7 +190,7 @@ def _is_number(value: object) -> bool:
 
 
 def forgetting_factor(forgetting: object, period: float) -> float:
-    """Return λ in (0, 1], by default that of `TIME_CONSTANT`."""
+    """Return λ in (0, 1]; the default corresponds to `TIME_CONSTANT`."""
     if forgetting is None:
         return max(1 - period / TIME_CONSTANT, 0.5)
     if _is_number(forgetting) and 0 < forgetting <= 1:  # type: ignore[operator]
@@ -214,7 +216,7 @@ def _weights(regularization: ArrayLike, p: int) -> Array:
 
 
 def _as_numbers(name: str, value: ArrayLike) -> Array:
-    """Return a new array of floats."""
+    """Convert a value to a new array of floats."""
     try:
         return np.array(value, float)
     except (TypeError, ValueError):
@@ -222,7 +224,7 @@ def _as_numbers(name: str, value: ArrayLike) -> Array:
 
 
 def finite_vector(name: str, value: ArrayLike, p: int) -> Array:
-    """Return a new finite (p,) array."""
+    """Convert a value to a new array of p finite floats."""
     vector = _as_numbers(name, value)
     if vector.shape != (p,) or not np.all(np.isfinite(vector)):
         raise EstimatorError(
@@ -232,7 +234,7 @@ def finite_vector(name: str, value: ArrayLike, p: int) -> Array:
 
 
 def covariance_matrix(name: str, value: ArrayLike, p: int) -> Array:
-    """Return a symmetric positive definite (p, p) matrix from that or from its diagonal (p,)."""
+    """Return a symmetric positive definite (p, p) matrix, given the matrix or its diagonal (p,)."""
     matrix = _as_numbers(name, value)
     if matrix.shape == (p,):
         matrix = np.diag(matrix)
@@ -242,7 +244,7 @@ def covariance_matrix(name: str, value: ArrayLike, p: int) -> Array:
         )
     scale = np.sqrt(np.abs(np.diag(matrix)))
     with np.errstate(divide="ignore", invalid="ignore"):
-        correlation = matrix / np.outer(scale, scale)  # judged free of units
+        correlation = matrix / np.outer(scale, scale)  # independent of units
     if (
         not np.all(np.isfinite(correlation))
         or not np.allclose(correlation, correlation.T, rtol=0, atol=1e-9)

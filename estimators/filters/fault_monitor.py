@@ -1,22 +1,23 @@
 """
-Detect a sensor that does not follow the axis, and a filter that is lost and has to be reset.
+Detection of a sensor that does not follow the axis, and of a lost filter that has to be reset.
 
-A reading that repeats while the axis moves comes from a sensor that is stuck or saturated. Noise
-never repeats to the last bit, but counts of an encoder do. The error of its speed is less than a
-count q in a period, with a triangular distribution from −q to q and the variance q²/6. Between two
-equal readings the true speed may therefore move by 2q = 4.9 standard deviations. If ŷ has moved by
-more than twice that since the reading first came, samples are ignored, as in a gap, until the
-sensor reads another value. The repeated reading is also ignored later, until a reading beyond it
-shows that it is not the end of the range.
+A reading that repeats while the axis moves comes from a sensor that is stuck or saturated. Noisy
+readings never repeat exactly, but encoder counts do. The speed computed from an encoder has an
+error of less than one count q per period, with a triangular distribution from −q to q and the
+variance q²/6. Between two equal readings the true speed may therefore change by 2q = 4.9 standard
+deviations. If ŷ has changed by more than twice this amount since the reading first occurred,
+samples are ignored, as in a gap, until the sensor reads another value. The repeated reading is also
+ignored later, until a reading beyond this value shows that the value is not the end of the range.
 
-The samples before the detection may have moved the estimate far away. A filter that does not forget
-everything, or that models jumps, is reset when the sensor reads on; so is any filter whose ŷ is not
-a number. A filter that forgets recovers by itself, unless it is in another local minimum. It is
-reset only if a large and correlated part of y has stayed in its residual for longer than its
-memory. The next reset takes twice as long, so a filter is lost for at most twice as long as the
-sensor was wrong.
+The samples before the detection may have moved the estimate far away. When the reading of the
+sensor changes again, a filter is reset if it permanently retains old information or models jumps.
+Any filter is reset if its ŷ is not a number. A filter with forgetting recovers without a reset,
+unless the estimate has reached another local minimum. Such a filter is reset only if its residual
+has contained a large and correlated part of y for longer than the memory of the filter. After each
+reset the waiting time doubles, so a filter is lost for at most twice as long as the sensor was
+wrong.
 
-Everything is relative to y and to its noise, so that units do not matter.
+All thresholds are relative to y and to the noise of y, so units do not matter.
 """
 
 import numpy as np
@@ -25,19 +26,20 @@ from numpy.typing import ArrayLike
 from flexaxis.estimators.models.compiler import inlined
 from flexaxis.estimators.models.memory import Memory
 
-FAR = 10.0  # standard deviations that ŷ moves; twice those of a coarse encoder that repeats
-FORETOLD = 0.5  # autocorrelation of the residual of a lost filter; that of noise is small
-LEFT = 0.2  # mean square of that residual over that of y: a wrong gear spring in the model gives
-# 0.17, a sensor that had the wrong sign for a while 0.25
-MEMORY = 2.0  # s, of these means
-PATIENCE = 5.0  # memories until a filter counts as lost: 10 s, ten of its time constants
+FAR = 10.0  # change of ŷ in standard deviations: twice the change possible with a coarse encoder
+FORETOLD = 0.5  # smallest autocorrelation of the residual of a lost filter; noise has little
+LEFT = 0.2  # smallest ratio of the mean squares of the residual of a lost filter and of y: a wrong
+# gear spring in the model leads to 0.17, a sensor that had the wrong sign for a while to 0.25
+MEMORY = 2.0  # s, memory of these means
+PATIENCE = 5.0  # time until a filter counts as lost, relative to MEMORY: 10 s, ten time constants
 ABSURD = 1e2
 """
-Largest residual over the output or its noise that is used: parameters inside their box, 0.1 to 10
-times nominal, change y by a factor of a hundred.
+Largest ratio of the measured output to the rms of ŷ, to ŷ, or to the noise, at which a residual is
+checked: parameters within their box (0.1 to 10 times nominal) change y by at most a factor of one
+hundred.
 """
-HEEDS_ALL, HEEDS_LOST, HEEDS_NOTHING = 0.0, 1.0, 9.0  # values of ``anew`` above which it is reset
-UNKNOWN = 1.0  # s, after which a wrong state is forgotten
+HEEDS_ALL, HEEDS_LOST, HEEDS_NOTHING = 0.0, 1.0, 9.0  # a filter is reset if ``anew`` is larger
+UNKNOWN = 1.0  # s, time after which an error of the state has decayed
 
 KEPT = (
     "reading",
@@ -46,11 +48,11 @@ KEPT = (
     "rails",
     "patience",
     "rounding",
-)  # kept through a reset: the state of the sensor
+)  # variables that describe the sensor and are kept in a reset
 
 
 def monitor_numbers(period: float, heeds: float = HEEDS_ALL) -> dict[str, ArrayLike]:
-    """Return the numbers of `is_stuck` and `check_residual`; ``heeds`` is one of the above."""
+    """Return initial values for `is_stuck` and `check_residual`; ``heeds`` is a HEEDS_… value."""
     return {
         "astray_memory": MEMORY / period,
         "unknown": round(UNKNOWN / period),
@@ -64,9 +66,9 @@ def monitor_numbers(period: float, heeds: float = HEEDS_ALL) -> dict[str, ArrayL
 
 @inlined
 def is_stuck(state, y, prediction, variance):
-    """Return whether y comes from a stuck sensor; ``variance`` is that of y − ŷ, or NaN."""
+    """Return whether y comes from a stuck sensor; ``variance`` is the variance of y − ŷ, or NaN."""
     rails = state["rails"]
-    if y < rails[0]:  # it can read less
+    if y < rails[0]:  # the sensor can read a lower value, so this is not the end of the range
         rails[0] = np.nan
     elif y > rails[1]:
         rails[1] = np.nan
@@ -88,9 +90,9 @@ def is_stuck(state, y, prediction, variance):
 
 @inlined
 def check_residual(state, y, epsilon):
-    """Take a residual, and mark a filter that is lost; the next check takes twice the time."""
+    """Process a residual, and mark a lost filter for a reset; then double the waiting time."""
     if y**2 > ABSURD**2 * max(state["signal"], state["expected"] ** 2, state["noise"]):
-        return  # the means would keep it for minutes
+        return  # such a sample would dominate the means for minutes
     squares = state["squares"]
     state["judged"] += 1.0
     count = min(state["judged"], state["astray_memory"])
@@ -99,7 +101,7 @@ def check_residual(state, y, epsilon):
     squares[2] += (epsilon * state["last_left"] - squares[2]) / count
     state["last_left"] = epsilon
     lost = squares[0] > LEFT * squares[1] and squares[2] > FORETOLD * squares[0]
-    # without interruption, because every jump takes some time
+    # count samples without interruption, because every jump of a parameter takes some time
     state["gone"] = state["gone"] + 1.0 if lost else 0.0
     lost = state["gone"] >= state["patience"] * state["astray_memory"]
     if state["judged"] >= state["patience"] * state["astray_memory"]:
@@ -112,11 +114,12 @@ def check_residual(state, y, epsilon):
 
 def begin_anew(state: Memory, start: Memory) -> None:
     """
-    Reset a filter, or several in rows, but keep the state of the sensor.
+    Reset a filter, or several filters in rows, but keep the variables that describe the sensor.
 
-    For a while only the torque moves the state, until it is that of the axis: the filter would
-    learn a wrong state as structure. R is learnt again; until then the sensor is judged by the R
-    before the reset.
+    For a while y is ignored and the state is driven by the torque alone, until the state agrees
+    with the state of the axis. Otherwise the filter would attribute the error of the state to the
+    parameters. R is learnt again; until R is known, the value of R before the reset is used to
+    detect a stuck sensor.
     """
     kept: dict[str, ArrayLike] = {name: np.copy(state[name]) for name in KEPT}
     kept["earlier"] = np.copy(state["noise"]) if np.max(state["anew"]) < 2.0 else np.nan

@@ -26,28 +26,28 @@ class RecursiveEstimator(ABC):
     Parameters
     ----------
     names : tuple of str
-        The identified parameters.
+        Names of the p identified parameters.
     output : {"speed", "increment", "angle"}
-        The signal y.
+        Kind of signal y.
     bounds : (lower, upper), each (p,)
         Limits of the estimate.
 
     Attributes
     ----------
     names, output, bounds
-        As given.
+        Values of the constructor's parameters.
     theta : (p,) array
-        The estimate.
+        Current estimate.
     covariance : (p, p) array
-        Its claimed covariance.
+        Claimed covariance of the estimate.
     prediction : float
-        ŷ[k], the prediction of the last output from all samples before it.
+        Prediction ŷ[k] of the last output from all earlier samples.
     innovation : float
-        y[k] − ŷ[k]; NaN in a gap, and before the first sample.
+        Innovation y[k] − ŷ[k]; NaN in a gap and before the first sample.
     innovation_variance : float
-        Its variance, as the estimator claims it; NaN if it claims none.
+        Claimed variance of the innovation; NaN if the estimator claims none.
     innovations : (N, 2) array
-        Both, of each sample of the last ``step`` or ``run``.
+        Innovation and claimed variance for each sample of the last ``step`` or ``run``.
 
     Notes
     -----
@@ -71,7 +71,7 @@ class RecursiveEstimator(ABC):
     def _take(
         self, u: Array, y: Array, valid: NDArray[np.bool_], estimates: Array, trace: Array
     ) -> None:
-        """Process samples; write θ (N, p), and ŷ, the innovation and its variance (N, 3)."""
+        """Process N samples; write θ (N, p), and ŷ, the innovation and its variance (N, 3)."""
 
     @abstractmethod
     def _start(self) -> None:
@@ -94,7 +94,7 @@ class RecursiveEstimator(ABC):
         return self._trace[:, 1:].copy()
 
     def reset(self) -> None:
-        """Return to the start."""
+        """Reset the estimator to its initial state."""
         self._trace, self._reading = np.full((1, 3), np.nan), np.nan
         self._start()
 
@@ -115,9 +115,9 @@ class RecursiveEstimator(ABC):
         Parameters
         ----------
         u : float
-            Torque held from t_k on.
+            Torque that is held constant from t_k on.
         y : float or None
-            Output measured at t_k; None in a gap.
+            Output measured at t_k; None if the output is missing.
         """
         check_sample(u, y)
         one = self._one
@@ -129,13 +129,14 @@ class RecursiveEstimator(ABC):
 
     def run(self, u: ArrayLike, y: ArrayLike, valid: ArrayLike | None = None) -> Array:
         """
-        Process N samples from the current state on, and return θ (N, p).
+        Process N samples, starting from the current state, and return θ (N, p).
 
         Parameters
         ----------
         u, y : (N,) array_like
+            Torque and measured output.
         valid : (N,) array_like of bool, optional
-            False where y is missing.
+            Validity of each y, False where y is missing; all valid by default.
         """
         u, y, present = check_signals(u, y, valid)
         estimates = np.empty((len(u), len(self.names)))
@@ -148,26 +149,28 @@ class RecursiveEstimator(ABC):
 
 class CompiledFilter(RecursiveEstimator):
     """
-    A compiled loop with its block of memory, as an estimator.
+    An estimator that consists of a compiled loop and a block of memory.
 
     Parameters
     ----------
     loop : str
-        Module and name: ``loop(block, at, u, y, valid, estimates, trace, laws)`` takes samples and
-        writes η (N, p), and ŷ, innovation and its variance (N, 3). ``laws`` is None for a linear
-        model. It returns the number of samples, with a minus sign where the filter has to begin
-        anew: `flexaxis.estimators.filters.fault_monitor`.
+        Module and name of the loop, separated by a colon. The function ``loop(block, at, u, y,
+        valid, estimates, trace, laws)`` processes samples and writes η (N, p), and ŷ, the
+        innovation and its variance (N, 3). ``laws`` is None for a linear model. The function
+        returns the number of processed samples; a negative number means that the filter has to be
+        reset, see `flexaxis.estimators.filters.fault_monitor`.
     start : Memory
-        As before the first sample.
+        State of the filter before the first sample.
     design : Design
-        Names, output, scale and box.
+        Options of the filter, with names, output, scale and box.
     read : callable
-        ``read(state)`` gives η and the covariance that is claimed of it, of all parameters or of
-        those that are tracked.
+        Function ``read(state)`` that returns η and the claimed covariance of η, for all parameters
+        or for the tracked parameters.
 
     Attributes
     ----------
     state : Memory
+        Current state of the filter.
     """
 
     _shared = (*RecursiveEstimator._shared, "_design", "_loop", "_begin", "_read")
@@ -185,7 +188,7 @@ class CompiledFilter(RecursiveEstimator):
         self._laws = LAWS if design.model.forces else None
         self._design, self._begin, self._read = design, start, read
         self.reset()
-        self.run([], [])  # what it compiles it compiles now, not in the first step
+        self.run([], [])  # compiles the loop now and not in the first step
 
     def _start(self) -> None:
         self.state = self._begin.copy()
@@ -223,20 +226,20 @@ class CompiledFilter(RecursiveEstimator):
 @dataclass(frozen=True)
 class Trace:
     """
-    A filter over N samples.
+    Internal variables of a filter over N samples.
 
     Attributes
     ----------
     theta : (N, p) array
-        Estimates.
+        Estimates after each sample.
     epsilon : (N,) array
-        Residual y − ŷ, eq. (6); NaN in a gap.
+        Residuals y − ŷ, eq. (6); NaN in a gap.
     psi : (N, p) array
-        Gradient of ŷ at the estimate before the sample, eq. (16).
+        Gradients of ŷ at the estimate before each sample, eq. (16).
     P : (N, p, p) array
-        P(t+1|t), for a noise variance of one.
+        Matrices P(t+1|t), for a noise variance of one.
     covariance : (N, p) array
-        Diagonal of the claimed covariance of the estimates.
+        Diagonals of the claimed covariance of the estimates.
     """
 
     theta: Array
@@ -248,14 +251,17 @@ class Trace:
 
 def trace(estimator: Any, u: ArrayLike, y: ArrayLike, valid: ArrayLike | None = None) -> Trace:
     """
-    Run an estimator from its current state by steps and keep its insides.
+    Run an estimator step by step from its current state and record its internal variables.
 
     Parameters
     ----------
-    estimator : a filter with epsilon, psi, P and covariance after each step
-        Left in the state after the last sample, as by ``run``.
+    estimator : filter
+        Filter with the attributes ``epsilon``, ``psi``, ``P`` and ``covariance``. As after ``run``,
+        the filter is left in the state after the last sample.
     u, y : (N,) array_like
+        Torque and measured output.
     valid : (N,) array_like of bool, optional
+        Validity of each y, False where y is missing; all valid by default.
 
     Returns
     -------

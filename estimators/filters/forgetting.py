@@ -1,8 +1,9 @@
 """
-Rules of forgetting: the time update of P, by the paper's eq. (9), (10), (12) or another rule.
+Rules of forgetting: the time update of P with the paper's eq. (9), (10), (12) or another rule.
 
-Each rule is a compiled function of the state and of whether y was measured, with a number for
-`forget`. The modules of `flexaxis.estimators.methods` give the sources.
+Each rule has a number, which `forget` uses to select the rule, and a compiled function of the state
+and of whether y was measured. The modules of `flexaxis.estimators.methods` contain references to
+the literature.
 """
 
 from typing import Any
@@ -25,7 +26,7 @@ LOOP = "flexaxis.estimators.methods.loops:rpem"
 
 @inlined
 def forget(state, valid):
-    """Do the time update of P by the rule of the filter."""
+    """Perform the time update of P according to the rule of the filter."""
     rule = state.now[0]["rule"]
     if rule == PAPER:
         time_update(state)
@@ -37,7 +38,7 @@ def forget(state, valid):
 
 @inlined
 def reset_on_alarm(state, valid):
-    """P ← P/λ, eq. (9); if the sum of a CUSUM exceeds the level, P becomes large."""
+    """Compute P ← P/λ, eq. (9); if the CUSUM exceeds the alarm level, reset P to a large value."""
     P, now = state.P, state.now[0]
     sums = now["sums"]
     _divide(P, now["forgetting"])
@@ -59,14 +60,14 @@ def reset_on_alarm(state, valid):
 
 @inlined
 def forget_by_residual(state, valid):
-    """P ← P/λ with a λ that follows the residual; nothing is forgotten in a gap."""
+    """Compute P ← P/λ with a λ that depends on the residual; nothing is forgotten in a gap."""
     if valid:
         _divide(state.P, _variable_factor(state.now[0]))
 
 
 @inlined
 def _variable_factor(now):
-    """Return λ."""
+    """Update the means of squares, and return the forgetting factor λ."""
     sums, square = now["sums"], now["surprise"] ** 2
     sums[3] += 1.0
     short, long = min(sums[3], now["short"]), min(sums[3], now["long"])
@@ -89,14 +90,14 @@ def _divide(P, factor):
 
 def forgetful_filter(design: Design, rule: int, **options: Any) -> CompiledFilter:
     """
-    Return a prediction-error method with a rule of its own instead of eq. (9) or (10).
+    Return a prediction-error method with a different rule of forgetting than eq. (9) or (10).
 
     Parameters
     ----------
     design : Design
     rule : int
-        One of the above.
+        Number of the rule: ``CUSUM`` or ``VARIABLE``.
     **options
-        As for `flexaxis.estimators.filters.prediction_error.recursion`.
+        Options of `flexaxis.estimators.filters.prediction_error.recursion`.
     """
     return CompiledFilter(LOOP, recursion(design, rule=rule, **options), design, read_claim)

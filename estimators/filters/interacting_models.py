@@ -1,8 +1,8 @@
 """
-Interacting multiple models: how likely each mode is, and how modes are mixed.
+Interacting multiple models: the probabilities of the modes, and the mixing of the modes.
 
-A mode is a joint filter; what differs between modes has a row for each, the first that of the quiet
-one.
+Each mode is a joint filter. Arrays that differ between modes have one row per mode; the first row
+belongs to the quiet mode.
 """
 
 from typing import Annotated, NamedTuple
@@ -18,21 +18,21 @@ from flexaxis.estimators.models.series import Axis
 
 Array = NDArray[np.float64]
 
-LEAST = 1e-30  # probability of a mode: from zero none comes back
+LEAST = 1e-30  # smallest probability of a mode: a probability of zero could never recover
 
 
 class Modes(NamedTuple):
     """
-    All modes, each with a row of most arrays; the model is the same.
+    The state of all modes; most arrays have one row per mode, but all modes share one model.
 
     Attributes
     ----------
     now, axis, theta, X, P, G, GP, gain, drift, ceiling, lower, upper
-        As of `flexaxis.estimators.filters.joint.Joint`.
+        Attributes of `flexaxis.estimators.filters.joint.Joint`.
     xi : (modes, m) array
-        ξ = [θ; x].
+        Vectors ξ = [θ; x] of the modes.
     apart, mean : (m,) arrays
-        Difference of two modes, and the mixture of all.
+        Difference between two modes, and mean of the mixture of all modes.
     mean_P : (m, w) array
         Covariance of the mixture.
     """
@@ -56,7 +56,7 @@ class Modes(NamedTuple):
 
 
 def modes_of(arrays: dict[str, NDArray], count: int) -> Memory:
-    """Return so many modes that begin as one joint filter, from the arrays of that."""
+    """Return ``count`` modes that start as copies of one joint filter with the given arrays."""
     own = ("now", "theta", "X", "P", "G", "GP", "gain", "drift")
     one = arrays | {"now": arrays["now"][0]}
     rows = {name: np.stack([one[name]] * count) for name in own}
@@ -67,7 +67,7 @@ def modes_of(arrays: dict[str, NDArray], count: int) -> Memory:
 
 @embedded
 def mode(modes, j):
-    """Return a mode as a joint filter."""
+    """Return mode j as a joint filter."""
     return Joint(
         modes.now[j : j + 1],
         modes.axis,
@@ -86,7 +86,7 @@ def mode(modes, j):
 
 @inlined
 def mixture(now):
-    """Return what the modes predict together, and the variance of that without noise."""
+    """Return the output predicted by the mixture, and its variance without noise."""
     mean, spread = 0.0, 0.0
     for j in range(len(now)):
         mean += now[j]["predicted"] * now[j]["output"]
@@ -97,7 +97,7 @@ def mixture(now):
 
 @inlined
 def listen(now, y, noise):
-    """Keep log Λ of the innovation of a mode, before it is used."""
+    """Store the logarithm of the likelihood Λ of a mode's innovation before the update."""
     now["logarithm"] = 0.0
     if not np.isnan(y):
         S = now["spread"] + noise
@@ -106,7 +106,7 @@ def listen(now, y, noise):
 
 @inlined
 def weigh(now, theta, estimates):
-    """μ_j ← c_j Λ_j over their sum; write the mean of η."""
+    """Compute μ_j ← c_j Λ_j/Σ_i c_i Λ_i, and write the mean of η."""
     highest, total = -np.inf, 0.0
     for j in range(len(now)):
         highest = max(highest, now[j]["logarithm"])
@@ -125,11 +125,12 @@ def weigh(now, theta, estimates):
 @inlined
 def mix(modes):
     """
-    Give every mode the ξ⁰ and P⁰ from which it goes on.
+    Compute the mixed ξ⁰ and P⁰ from which every mode continues.
 
-    Two at a time, which is the same. A jump mode goes on from itself or quiet, the quiet one from
-    all; the sum for it is kept beside it until the others no more need what it was. Π_0j is the
-    same for all jumps j, and Π_jj is one less what goes back to quiet.
+    Modes are mixed two at a time, with the same result as mixing all at once. A jump mode continues
+    from a mixture of itself and the quiet mode; the quiet mode continues from a mixture of all
+    modes. The new quiet mode is stored separately until the old one is no longer needed. Π_0j is
+    the same for all jump modes j, and Π_j0 = 1 − Π_jj.
     """
     now, xi, P, apart = modes.now, modes.xi, modes.P, modes.apart
     quiet, p = now[0], modes.theta.shape[1]
@@ -165,7 +166,7 @@ def mix(modes):
 
 @inlined
 def _join(mean, P, other, other_P, share, apart):  # noqa: PLR0917
-    """Take mean and covariance to those of a mixture with another mode, of weight ``share``."""
+    """Replace mean and covariance by those of a mixture with another mode of weight ``share``."""
     for a in range(len(mean)):
         apart[a] = mean[a] - other[a]
         mean[a] -= share * apart[a]
@@ -175,15 +176,16 @@ def _join(mean, P, other, other_P, share, apart):  # noqa: PLR0917
 @fused
 def merge(share, P, other, apart):
     """
-    P ← (1−s) P + s P' + s (1−s) d dᵀ, the covariance of a mixture of two.
+    Compute the covariance of a mixture of two modes, P ← (1−s) P + s P' + s (1−s) d dᵀ.
 
     Parameters
     ----------
     share : float
-        s, the weight of the other.
+        Weight s of the second mode.
     P, other : (m, w) arrays
+        Covariances P and P' of the two modes; P is overwritten with the result.
     apart : (m,) array
-        d, the difference of their means.
+        Difference d of the two means.
     """
     rest = 1.0 - share
     root = np.sqrt(share * rest)
@@ -194,8 +196,8 @@ def merge(share, P, other, apart):
 
 
 def read_mixture(state: Memory) -> tuple[Array, Array]:
-    """Return η (p,) of the mixture of the modes, and its covariance (p, p)."""
-    weights, theta = state["predicted"], state["theta"]  # both after mixing
+    """Return η (p,) of the mixture of all modes, and the covariance (p, p) of η."""
+    weights, theta = state["predicted"], state["theta"]  # both are values after mixing
     p = theta.shape[1]
     mean = weights @ theta
     apart = theta - mean

@@ -1,9 +1,10 @@
 """
-State and parameters in one extended Kalman filter: `predict` over a sample, `update` by y.
+State and parameters in one extended Kalman filter: `predict` over a sample, `update` with y.
 
-θ stays over a sample and x moves, ξ⁺ = F ξ with F = [I 0; G], so that the block θθ of P only gains
-W. G = ∂x⁺/∂ξ and h = ∂y⁺/∂ξ, both by ξ of the sample before, come from the rows of X. P is taken
-over the sample with the measurement at its end, as G P and P h are one product.
+Over a sample θ is constant and x changes, ξ⁺ = F ξ with F = [I 0; G], so that the block θθ of P
+only increases by W. The rows of X contain G = ∂x⁺/∂ξ and h = ∂y⁺/∂ξ, the derivatives with respect
+to ξ at the previous sample. The time update of P is carried out together with the measurement
+update at the end of the sample, because G P and P h are then computed in one product.
 """
 
 from typing import Annotated, NamedTuple
@@ -29,20 +30,21 @@ class Joint(NamedTuple):
     Attributes
     ----------
     now, axis
-        Numbers and model.
+        Scalar variables and arrays of the model.
     theta : (p,) array
+        Estimate of the relative parameters η.
     X : (> n, lanes) array
-        States and output, with derivatives by ξ at the start of the sample.
+        States and output, with derivatives with respect to ξ at the start of the sample.
     P : (m, w) array
-        Of ξ; what pads a row is zero.
+        Covariance of ξ; rows are padded with zeros.
     G, GP : (n+1, m), (n+1, w) arrays
-        ∂[x⁺; y⁺]/∂ξ, and that times P.
+        Derivative ∂[x⁺; y⁺]/∂ξ, and its product with P.
     gain : (m,) array
-        K √S.
+        Gain K, multiplied by √S.
     drift : (p, p) array
-        W.
+        Covariance W that θ gains in every sample.
     ceiling, lower, upper : (p,) arrays
-        Largest variance of θ, and its box.
+        Largest variances of η, and bounds of η.
     """
 
     now: Annotated[NDArray[np.void], NUMBERS, 1]
@@ -67,9 +69,9 @@ def joint_arrays(design: Design, *, rests: bool = False, **more: float) -> dict[
     ----------
     design : Design
     rests : bool
-        As for `flexaxis.estimators.filters.noise.level`.
+        Option of `flexaxis.estimators.filters.noise.level`.
     **more
-        Numbers of a filter that has more.
+        Values of further scalar variables.
     """
     p, n = len(design.theta0), design.model.states
     m, w = p + n, padded(p + n)
@@ -98,7 +100,7 @@ def joint_arrays(design: Design, *, rests: bool = False, **more: float) -> dict[
 
 @inlined
 def predict(state, u, laws):
-    """Take ξ over a sample with u held, with derivatives by ξ before it: ∂x/∂θ = 0, ∂x/∂x = I."""
+    """Predict ξ over a sample with u held, with derivatives by the ξ at the start of the sample."""
     X, p = state.X, len(state.lower)
     for i in range(len(state.gain) - p):
         for j in range(1, 1 + len(state.gain)):
@@ -108,11 +110,11 @@ def predict(state, u, laws):
 
 @fused
 def look(state):
-    """Write G, G P, whose last row is hᵀP, and hᵀPh."""
+    """Compute G and G P, with h and hᵀP as their last rows, and hᵀPh."""
     X, G, GP = state.X, state.G, state.GP
     n, m = len(G) - 1, G.shape[1]
     for i in range(n + 1):
-        k = i if i < n else len(X) - 1  # behind the states may be torques of laws
+        k = i if i < n else len(X) - 1  # rows of X after the states may be torques of laws
         for a in range(m):
             G[i, a] = X[k, 1 + a]
     multiply(G, state.P, GP)
@@ -121,7 +123,7 @@ def look(state):
 
 @summed
 def _dot(a, b):
-    """Return Σ a·b over the length of b, in whatever order."""
+    """Return Σ a·b over the length of b, summed in any order."""
     total = 0.0
     for q in range(len(b)):
         total += a[q] * b[q]
@@ -131,7 +133,7 @@ def _dot(a, b):
 @fused
 def update(state, y, noise):
     """
-    Take P over the last sample, and ξ and P through the measurement unless that is NaN.
+    Perform the time update of P over the last sample and, unless y is NaN, the measurement update.
 
     S = hᵀPh + R, K = F P h/S, ξ ← ξ⁺ + K (y − y⁺), P ← F P Fᵀ + W − K S Kᵀ.
     """
@@ -165,6 +167,6 @@ def update(state, y, noise):
 
 
 def read_joint(state: Memory) -> tuple[Array, Array]:
-    """Return η (p,) and its covariance (p, p)."""
+    """Return η (p,) and the covariance (p, p) of η."""
     p = len(state["theta"])
     return state["theta"], state["P"][:p, :p]

@@ -1,20 +1,21 @@
 """
-The noise variance R of y in a Kalman filter: given, or learnt from the innovations.
+The noise variance R of y in a Kalman filter: specified by the user, or learnt from the innovations.
 
 The innovation e = y − ŷ has the variance S = hᵀPh + R. One step of expectation-maximisation maps R
 to hᵀPh R/S + e² R²/S² (R. H. Shumway and D. S. Stoffer, *An approach to time series smoothing and
 forecasting using the EM algorithm*, J. Time Series Analysis 3 (1982), in recursive form). R is a
-mean of these values. A sample tells little about R if the uncertainty of ξ dominates S.
+mean of these values. A sample contains little information about R if the uncertainty of ξ dominates
+S.
 
-A parameter change also increases e². Its effect is smooth and vanishes in a third difference, so a
-second mean uses (e[k] − 3e[k−1] + 3e[k−2] − e[k−3])²/20 instead of e² (after T. Gasser, L. Sroka
-and C. Jennen-Steinmetz, *Residual variance and residual pattern in nonlinear regression*,
-Biometrika 73 (1986)). R is the smaller of the two means. If they differ strongly, R is learnt more
-slowly.
+A parameter change also increases e². The effect of a change is smooth and vanishes in a third
+difference. Therefore a second mean uses (e[k] − 3e[k−1] + 3e[k−2] − e[k−3])²/20 instead of e²
+(after T. Gasser, L. Sroka and C. Jennen-Steinmetz, *Residual variance and residual pattern in
+nonlinear regression*, Biometrika 73 (1986)). R is the smaller of the two means. If the means differ
+strongly, R is learnt more slowly.
 
 All thresholds are relative to the data, so the units of y do not matter. If y is an angle, the
-filter counts it from the first reading, and R is at least q²/12, the rounding of an encoder with
-the count q, which is the smallest step between two readings so far.
+filter measures the angle relative to the first reading. R is then at least q²/12, the variance of
+the rounding of an encoder with the count q; q is the smallest step between two readings so far.
 """
 
 from math import erf, exp, pi, sqrt
@@ -26,28 +27,26 @@ from flexaxis.estimators.filters.design import Design
 from flexaxis.estimators.filters.fault_monitor import is_stuck, monitor_numbers
 from flexaxis.estimators.models.compiler import inlined
 
-MEMORY = 2.0  # s, of R; 400 samples at 5 ms give a relative standard deviation of 5 %
-KNOWN = 50.0  # samples after which R is accurate enough (20 %) to judge a sample
+MEMORY = 2.0  # s, memory of R; with 400 samples at 5 ms R has a relative standard deviation of 5 %
+KNOWN = 50.0  # samples after which R is accurate enough (20 %) to detect outliers
 CLIP = 3.0  # standard deviations to which innovations are clipped before they enter R
-SURE = 2.0  # R is at most this times the mean over the last KNOWN samples (7 standard deviations)
-SMOOTH = 0.25  # squared differences over squares: 1 ± 0.2 for white noise. Below this value the
-# model is wrong, and R is learnt more slowly
+SURE = 2.0  # R is at most twice the mean over the last KNOWN samples (7 standard deviations)
+SMOOTH = 0.25  # squared differences divided by squares: 1 ± 0.2 for white noise. If the ratio is
+# smaller, the model is wrong, and R is learnt more slowly
 SLOWER = 10.0  # factor on the memory in that case
-ODD = 100.0  # standard deviations: a sample that differs more from ŷ and from the sample before is
-# skipped, because no noise is that large. A fault lasts, and is clipped to this size
-WILD = (
-    8.0  # the same limit once the sensor has given a single outlier. Normal noise exceeds it once
-)
-# in 1e15 samples. Without this condition the first sample of a large fault would be lost
-ROW = 2  # largest number of successive samples that are skipped, because a fault lasts
-GROWS = 3.0  # a second outlier of the same sign, up to this times the first, is used: a torque jump
-# doubles its effect on the speed within a sample
-FINEST = 1e-6  # smallest standard deviation of the noise relative to y, due to rounding
-MOVING = 0.5  # ŷ over its noise above which a sample enters R: an encoder at rest is exact
+ODD = 100.0  # standard deviations: a sample that differs by more from ŷ and the previous sample is
+# skipped, because noise is never that large. A fault persists; its residuals are clipped to this
+WILD = 8.0  # the same limit after the first isolated outlier. Normal noise exceeds this limit once
+# in 1e15 samples. Applied from the start, it would skip the first sample of a large fault
+ROW = 2  # largest number of consecutive samples that are skipped, because a fault persists
+GROWS = 3.0  # a second outlier of the same sign is used if it is at most three times the first: the
+# effect of a torque jump on the speed doubles within a sample
+FINEST = 1e-6  # smallest standard deviation of the noise relative to ŷ, due to rounding
+MOVING = 0.5  # ŷ divided by the noise, above which a sample enters R: an encoder at rest is exact
 
 
 def clipped_variance(clip: float) -> float:
-    """Return E min(z², c²) of a standard normal z, its variance after clipping."""
+    """Return E min(z², c²), the variance of a standard normal z after clipping to ± c."""
     return erf(clip / sqrt(2)) * (1 - clip**2) + clip**2 - clip * sqrt(2 / pi) * exp(-(clip**2) / 2)
 
 
@@ -56,13 +55,13 @@ CONSISTENCY = clipped_variance(CLIP)
 
 def level(design: Design, *, rests: bool = False) -> dict[str, ArrayLike]:
     """
-    Return the numbers that `judge` needs; R is learnt if the design has no noise.
+    Return the initial values for `judge`; R is learnt if the design does not specify the noise.
 
     Parameters
     ----------
     design : Design
     rests : bool
-        Whether every new reading enters R, even at rest. Only an encoder repeats its reading.
+        Whether every changed reading enters R, even at rest. Only an encoder repeats readings.
     """
     counts = design.output == "angle" and not design.differences
     return monitor_numbers(design.period) | {
@@ -82,8 +81,8 @@ def judge(state, y, valid, prediction, spread):
     """
     Store the innovation and learn R; return the output for the update, or NaN to skip the sample.
 
-    ``spread`` is hᵀPh. If R is unknown, no sample is used until the axis moves. R then starts from
-    e² + hᵀPh. The returned output counts from the first reading if y is an angle.
+    ``spread`` is hᵀPh. If R is unknown, no sample is used until the axis moves. R then starts at
+    e² + hᵀPh. If y is an angle, the returned output is relative to the first reading.
     """
     noise = state["noise"]
     S = spread + noise
@@ -131,7 +130,7 @@ def judge(state, y, valid, prediction, spread):
 
 @inlined
 def _count(state, y, prediction):
-    """Set the origin of an angle at the first reading, and learn the rounding of an encoder."""
+    """Set the origin of the angle at the first reading, and learn the rounding of the encoder."""
     if state["anchored"] == 0.0:
         state["origin"] = y - prediction
     rounding = (y - state["reading"]) ** 2 / 12.0
@@ -160,7 +159,7 @@ def _is_wild(state, e, sd, judged):
 
 @inlined
 def _begin(state, square):
-    """Start R from a first sample."""
+    """Initialise R with the square of the first sample."""
     state["noise"], state["samples"] = square, 1.0
     for i in range(4):
         state["levels"][i] = square
@@ -181,7 +180,7 @@ def _learn(state, spread, square, rough):
     S = spread + R
     share = R / S
     rest, scale = spread * share, share**2
-    if state["samples"] < KNOWN:  # a large R, so that no sample has too much weight
+    if state["samples"] < KNOWN:  # keep R large, so that no sample has too much weight
         scale = 1.0
     count = state["samples"] = min(state["samples"] + 1.0, state["memory"])
     levels[2] += (rest + scale * square - levels[2]) / min(count, KNOWN)

@@ -1,9 +1,10 @@
 """
 One measurement of a prediction-error method, in compiled code: eq. (5)–(7), (9), (10), (12).
 
-All in relative parameters η = θ/θ(0). Beside P, which sets the gain, goes the covariance Σ that the
-estimate really has for a unit noise variance, Σ ← (I − Kψᵀ) Σ (I − Kψᵀ)ᵀ + K Kᵀ with K = P(t|t) ψ:
-in slow, steady adaptation it is P/2; after a reset of P it is not.
+All quantities are expressed in relative parameters η = θ/θ(0). The matrix P determines the gain. A
+second matrix Σ is the actual covariance of the estimate for a noise variance of one,
+Σ ← (I − Kψᵀ) Σ (I − Kψᵀ)ᵀ + K Kᵀ with K = P(t|t) ψ. In slow, steady adaptation Σ equals P/2; after
+a reset of P the two differ.
 """
 
 from typing import Annotated, NamedTuple
@@ -28,19 +29,19 @@ from flexaxis.estimators.models.series import Axis
 
 Array = NDArray[np.float64]
 
-ASLEEP = 1e-2  # Σψ²/R̂, ψ by relative parameters, below which a sample tells nothing: doubling a
-# parameter would move y by less than a tenth of its noise
-CEILING = 1.0  # (Δθ/θ(0))², of R̂ P_ii: no parameter is more uncertain than by its own size
-GRANTED = 3.0  # times P(0): what P may be in any case, as where a parameter is hardly excited
-LINEAR = 1e-3  # of y, what a model that is linear in a change of half of θ leaves unexplained: what
-# is less is no outlier, and no noise to reckon with after a reset. With less one reset in three
-# ended elsewhere (σ = 7e-5 of y, 20 runs), with this none
-EARLY = 100.0  # times P(0), the ceiling while R̂ is not known
-ROBUST = 30.0  # standard deviations from which on a residual can only be an outlier: a fault that
-# the suite knows makes ten at most, and one outlier at this limit moves no parameter by 2 %
-CALM = 1e-3  # (Δθ/θ(0))², ceiling of R̂ P_ii: a deviation of 3 %, from which an axis is followed
-# after a standstill. From 10 % and more one restart in ten ends in a local minimum or at the box;
-# of 320 from 3 % none did (two axes, five kinds of standstill, seeds 0 to 15)
+ASLEEP = 1e-2  # Σψ²/R̂, with ψ for relative parameters, below which a sample is not informative:
+# doubling a parameter would change y by less than a tenth of the noise
+CEILING = 1.0  # largest R̂ P_ii relative to θ(0)²: a standard deviation of 100 %
+GRANTED = 3.0  # multiple of P(0) that P may always reach, even if a parameter is hardly excited
+LINEAR = 1e-3  # error relative to y of a model that is linear in a change of θ by one half. Smaller
+# residuals are not outliers, and smaller noise is not assumed after a reset. With a lower value one
+# reset in three led to a wrong estimate (σ = 7e-5 of y, 20 runs), with this value none
+EARLY = 100.0  # largest multiple of P(0) while R̂ is unknown
+ROBUST = 30.0  # standard deviations beyond which a residual can only be an outlier: the faults in
+# the suite cause at most ten, and an outlier at this limit changes no parameter by 2 %
+CALM = 1e-3  # largest R̂ P_ii relative to θ(0)²: a standard deviation of 3 %, with which an axis is
+# tracked after a standstill. With 10 % or more one restart in ten ends in a local minimum or at the
+# bounds; with 3 % none of 320 did (two axes, five kinds of standstill, seeds 0 to 15)
 
 
 class Recursion(NamedTuple):
@@ -50,20 +51,25 @@ class Recursion(NamedTuple):
     Attributes
     ----------
     now, axis
-        Numbers and model.
+        Scalar variables and arrays of the model.
     theta : (p,) array
+        Estimate of the relative parameters η.
     X : (n+1, lanes) array
         States and output, with derivatives.
     P, claim : (p, p) arrays
-        P and Σ.
+        Matrices P and Σ.
     psi, gain, moved, reach : (p,) arrays
-        ψ, Pψ, the θ before, and Σψ.
+        Gradient ψ, the product Pψ, the previous estimate and then its change, and the product Σψ.
     granted : (p,) array
-        What P may be besides, after a reset of it.
+        Values up to which the diagonal of P may exceed the ceiling after a reset of P.
     drift : (p, p) array
-        Δ.
-    regularization, lower, upper, floor, early : (p,) arrays
-        μ, the box, what P may be in any case, and its ceiling while R̂ is not known.
+        Covariance Δ that P gains in every sample.
+    regularization : (p,) array
+        Weights μ.
+    lower, upper : (p,) arrays
+        Bounds of the estimate.
+    floor, early : (p,) arrays
+        Values that the diagonal of P may always reach, and its upper limits while R̂ is unknown.
     """
 
     now: Annotated[NDArray[np.void], NUMBERS, 1]
@@ -94,20 +100,20 @@ def recursion(
     **more: float,
 ) -> Memory:
     """
-    Return a prediction-error method before the first sample.
+    Return the initial state of a prediction-error method.
 
     Parameters
     ----------
     design : Design
     robust : float
-        Standard deviations beyond which a residual counts as one of that size, and nothing is taken
-        from a stuck sensor; 0 for never.
+        Number of standard deviations to which residuals are clipped; 0 for no limit. With a limit,
+        the readings of a stuck sensor are ignored as well.
     correct : bool
-        Whether the state moves with θ.
+        Whether the state is corrected when θ changes.
     ceiling : float
-        Largest variance of an estimate relative to θ(0)²; infinite for none.
+        Largest variance of an estimate relative to θ(0)²; infinite for no limit.
     **more
-        Numbers of a rule.
+        Values of further scalar variables, such as the options of a rule of forgetting.
     """
     at_least_zero("robust", robust, "standard deviations, such as 3, or 0 for never")
     if not (isinstance(ceiling, int | float) and ceiling > 0):
@@ -155,7 +161,7 @@ def recursion(
 
 @inlined
 def measure(state, y, valid):
-    """Measurement update of η, P and Σ, eq. (5)–(7), and projection of η on the box."""
+    """Perform the measurement update of η, P and Σ, eq. (5)–(7), and project η on the box."""
     now = state.now[0]
     theta, psi, gain, moved = state.theta, state.psi, state.gain, state.moved
     p = len(theta)
@@ -193,12 +199,12 @@ def measure(state, y, valid):
 
 @inlined
 def _limited(now, judged):
-    """Return the residual, or as much of it as a single sample may have."""
+    """Return the residual, clipped to the largest size allowed for a single sample."""
     surprise = now["epsilon"]
     if now["clip"] > 0.0 and (judged or now["samples"] > 0.0):
         finest = max(now["noise"], LINEAR**2 * now["signal"])
         limit = now["clip"] * np.sqrt(finest * now["scale"])
-        if not judged:  # R̂ is the mean of a few samples, and says little yet
+        if not judged:  # R̂ is the mean of only a few samples and still inaccurate
             limit *= (KNOWN / now["samples"]) ** 2
         if surprise > limit:
             surprise = limit
@@ -209,23 +215,23 @@ def _limited(now, judged):
 
 @inlined
 def _sticks(now, y):
-    """Return whether y is that of a sensor that is stuck; the first samples are believed."""
+    """Return whether to ignore y because the sensor is stuck or the filter has to be reset."""
     known = now["samples"] >= KNOWN or now["known"] > 0.0
     noise = now["noise"] if known else now["earlier"]
     if is_stuck(now, y, now["expected"], noise * now["scale"]):
         return True
-    if not np.isfinite(now["scale"]):  # ψ is none, or its square: as lost as where ŷ is none
+    if not np.isfinite(now["scale"]):  # ψ or ψᵀPψ is not finite: the filter is lost
         now["anew"] = 2.0
-    return now["anew"] > max(now["heeds"], 1.0)  # ŷ or ψ is no number: θ stays what it was
+    return now["anew"] > max(now["heeds"], 1.0)  # if ŷ or ψ is not finite, θ does not change
 
 
 @inlined
 def _form(P, psi, gain):
-    """Write P ψ, and return ψᵀ P ψ."""
+    """Write P ψ into ``gain``, and return ψᵀ P ψ."""
     total = 0.0
     for i in range(len(psi)):
         gain[i] = 0.0
-        if P[i, i] == 0.0:  # then so is the row: a parameter that is not estimated now
+        if P[i, i] == 0.0:  # the whole row is zero: this parameter is currently not estimated
             continue
         for j in range(len(psi)):
             gain[i] += P[i, j] * psi[j]
@@ -236,13 +242,14 @@ def _form(P, psi, gain):
 @inlined
 def _learn(now, psi, square):
     """
-    Take a squared residual into R̂, exact over the first samples, then with a memory.
+    Update R̂ with a squared residual, and return whether the axis is excited.
 
-    All of it, and not the rough part only, as `filters.noise` takes: a predictor
-    has no process noise, so that what its model leaves must be in R̂. Without it the claims on an
-    axis with friction that the model lacks are five times worse in NEES, and resets come too often.
+    R̂ is the exact mean over the first samples and then an exponential mean. R̂ is not updated while
+    the axis is not excited.
 
-    Not while the axis is not excited; return whether it is.
+    The whole residual is used, and not only its rough part as in `filters.noise`: a predictor has
+    no process noise, so R̂ must include the errors of the model. Otherwise the NEES on an axis with
+    unmodelled friction is five times worse, and resets are too frequent.
     """
     excitation = 0.0
     for i in range(len(psi)):
@@ -260,7 +267,7 @@ def _learn(now, psi, square):
 
 @inlined
 def _carry(claim, gain, weight, spread, scale):
-    """Σ ← (I − Kψᵀ) Σ (I − Kψᵀ)ᵀ + K Kᵀ, with K = Pψ/(1+ψᵀPψ), Σψ and 1 + ψᵀΣψ given."""
+    """Update Σ ← (I − Kψᵀ) Σ (I − Kψᵀ)ᵀ + K Kᵀ from ``gain`` = Pψ, Σψ and ``scale`` = 1 + ψᵀΣψ."""
     for i in range(len(gain)):
         a = gain[i] * weight
         if a == 0.0 and spread[i] == 0.0:
@@ -273,7 +280,7 @@ def _carry(claim, gain, weight, spread, scale):
 
 @inlined
 def correct_state(state):
-    """Move state and output to where the new θ would have taken them, x ← x + z Δθ, if asked."""
+    """Correct state and output for the change of θ, x ← x + z Δθ, if this option is set."""
     X, moved = state.X, state.moved
     for i in range(len(X) if state.now[0]["correct"] > 0.0 else 0):
         for j in range(len(moved)):
@@ -282,13 +289,13 @@ def correct_state(state):
 
 @inlined
 def time_update(state):
-    """Take P over the time update, eq. (9) or (10), and regularise it, eq. (12)."""
-    P, column = state.P, state.gain  # the gain has done its work and lends its place
+    """Perform the time update of P, eq. (9) or (10), and regularise P, eq. (12)."""
+    P, column = state.P, state.gain  # the gain is no longer needed: reuse its memory
     p = len(P)
     for i in range(p):
         for j in range(p):
             P[i, j] = P[i, j] / state.now[0]["forgetting"] + state.drift[i, j]
-    for axis in range(p):  # (12) measures every parameter once, with weight μ
+    for axis in range(p):  # (12) is equivalent to measuring every parameter once, with weight μ
         mu = state.regularization[axis]
         if mu > 0.0:
             for i in range(p):
@@ -299,12 +306,12 @@ def time_update(state):
 @inlined
 def bound_P(state):
     """
-    Keep R̂ P below the ceiling, and P below its early one until R̂ is known: scale it down.
+    Scale P so that R̂ P stays below the ceiling, or P below the early ceiling while R̂ is unknown.
 
-    A reset grants more, until the data have brought P down again.
+    After a reset P may be larger, until the data have reduced P again.
     """
     now = state.now[0]
-    P, granted, most = state.P, state.granted, state.gain  # which lends its place
+    P, granted, most = state.P, state.granted, state.gain  # reuse the memory of the gain
     early = now["samples"] < KNOWN and now["known"] <= 0.0
     for i in range(len(P)):
         ceiling = state.early[i] if early else now["largest"] / now["noise"]
@@ -316,7 +323,7 @@ def bound_P(state):
 
 @inlined
 def publish(state, k, estimates, trace):
-    """Write θ[k], and ŷ, innovation and its variance."""
+    """Write θ[k], and ŷ[k], the innovation and its variance."""
     now = state.now[0]
     for i in range(estimates.shape[1]):
         estimates[k, i] = state.theta[i]
@@ -327,7 +334,7 @@ def publish(state, k, estimates, trace):
 
 @inlined
 def subtract(P, v, w):
-    """P ← P − w v vᵀ on one triangle, mirrored, so that P stays symmetric for ever."""
+    """Compute P ← P − w v vᵀ for one triangle and mirror the result, so that P stays symmetric."""
     for i in range(len(P)):
         for j in range(i + 1):
             P[i, j] -= w * v[i] * v[j]
@@ -335,5 +342,5 @@ def subtract(P, v, w):
 
 
 def read_claim(state: Memory) -> tuple[Array, Array]:
-    """Return η (p,) and its claimed covariance R̂ Σ (p, p)."""
+    """Return η (p,) and the claimed covariance R̂ Σ (p, p) of η."""
     return state["theta"], state["noise"] * state["claim"]

@@ -1,5 +1,5 @@
-"""The estimators, one module each, with the entry under which it is registered.
+"""The estimators: each module defines one or more and the entries for their registration.
 
-In come a problem and options, out goes an estimator built of `filters`, `glr` and `models`. What a
-module has as ENTRIES is found by `estimators.registry`.
+Each estimator is constructed from a problem and options, using `filters`, `glr` and `models`.
+`estimators.registry` collects the entries from the variable ENTRIES of each module.
 """

@@ -1,4 +1,4 @@
-"""Controls: an estimator that never moves, and the paper's method told when parameters change."""
+"""Controls: a constant estimate, and the paper's method reset at the true times of change."""
 
 from collections.abc import Sequence
 
@@ -19,22 +19,22 @@ Array = NDArray[np.float64]
 
 class Frozen(RecursiveEstimator):
     """
-    θ̂ = θ(0) for ever. It expects nothing of y, so that it has no innovation.
+    A control with the constant estimate θ̂ = θ(0), which does not predict y and has no innovation.
 
     Parameters
     ----------
     model : Model
     identify : sequence of str, optional
-        Parameters by name, or their inverses; the model's own choice by default.
+        Names of parameters, or their inverses; the model's attribute ``identify`` by default.
     theta0 : (p,) array_like, optional
-        θ(0); the model's nominal values by default.
+        Estimate θ(0); the model's nominal values by default.
     output : {"speed", "increment", "angle"}
-        The signal y, which it ignores.
+        Kind of signal y, which the estimator ignores.
 
     Attributes
     ----------
     covariance : (p, p) array
-        Zero: it claims to know.
+        Claimed covariance of the estimate, which is zero.
 
     Raises
     ------
@@ -65,7 +65,7 @@ class Frozen(RecursiveEstimator):
         return np.zeros((len(self.names),) * 2)
 
     def _start(self) -> None:
-        """Return to the start, where it is already."""
+        """Do nothing, because the estimator never changes."""
 
     def _take(
         self, u: Array, y: Array, valid: NDArray[np.bool_], estimates: Array, trace: Array
@@ -77,32 +77,32 @@ class Frozen(RecursiveEstimator):
 def _frozen(
     problem: Problem,
 ) -> Frozen:
-    """Make the estimator that never moves."""
+    """Make the estimator with a constant estimate."""
     return Frozen(problem.model, identify=problem.identify, output=problem.output)
 
 
-SPREAD = 0.5  # of a change of which nothing is known, relative to θ: from half to one and a half
+SPREAD = 0.5  # standard deviation of an unknown change, relative to θ: factors of 0.5 to 1.5
 
 
 class OracleReset(RecursiveEstimator):
     """
-    State-corrected RPEM that begins anew at the true times of change.
+    State-corrected RPEM that is restarted at the true times of change.
 
-    No estimator that can be used: it shows what detection alone would be worth.
+    This estimator cannot be used in practice. It shows the benefit of perfect detection.
 
     Parameters
     ----------
     rpem : Rpem
-        The filter, with state correction.
+        Prediction-error filter with state correction.
     onsets : sequence of int
-        Samples of the changes.
+        Samples at which parameters change.
     spread : float
         Standard deviation of a change, relative to θ.
 
     Attributes
     ----------
     names, output, bounds, theta, covariance, …
-        Those of the filter.
+        Attributes of the prediction-error filter.
     """
 
     _shared = (*RecursiveEstimator._shared, "_onsets")
@@ -132,8 +132,8 @@ class OracleReset(RecursiveEstimator):
         inside = [onset - first for onset in self._onsets if first <= onset < first + len(u)]
         for start, stop in zip([0, *inside], [*inside, len(u)], strict=True):
             if start in inside:
-                # y[onset] is still that of the old parameters; what is held from here on is not
-                # a wide prior makes an error of second order, which is no less than some of y
+                # y[onset] still depends on the old parameters; the torque held from here on acts on
+                # the new ones. A wide prior causes an error of second order, at least LINEAR × y
                 finest = LINEAR**2 * self._rpem.signal_power
                 noise = max(self._rpem.noise_variance, finest)
                 self._rpem.restart((self._spread * self._rpem.theta) ** 2 / noise)
@@ -150,14 +150,14 @@ def _oracle_reset(
     spread: float = SPREAD,
 ) -> OracleReset:
     """
-    Make the control that is told the samples at which a true parameter changes, and the noise.
+    Make the control that receives the samples at which a true parameter changes, and the noise.
 
     Parameters
     ----------
     onsets : sequence of int
-        Samples of the changes.
+        Samples at which parameters change.
     forgetting : float, optional
-        λ of a sample.
+        Forgetting factor λ per sample.
     spread : float
         Standard deviation of a change, relative to θ.
     """

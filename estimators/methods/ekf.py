@@ -1,4 +1,4 @@
-"""Joint extended Kalman filter for state and parameters."""
+"""The joint extended Kalman filter for state and parameters."""
 
 from flexaxis.estimators.filters.design import Design
 from flexaxis.estimators.filters.fault_monitor import HEEDS_NOTHING
@@ -8,28 +8,29 @@ from flexaxis.estimators.models.memory import Memory
 from flexaxis.estimators.problem import Problem
 from flexaxis.estimators.registry import Entry
 
-WALK = 0.002  # 1/√s, of θ/θ(0), where no tuning is known
+WALK = 0.002  # 1/√s, random walk of θ/θ(0) on an axis without a tuned value
 
 
 def joint_ekf(design: Design) -> CompiledFilter:
     """
-    Make an extended Kalman filter for ξ = [θ; x], with θ a random walk and no noise on x.
+    Make an extended Kalman filter for ξ = [θ; x], where θ is a random walk and x has no noise.
 
-    θ[k+1] = θ[k] + w, cov w = W; x[k+1] = f(x[k], θ[k], u[k]), exact for a held u; y = h(x) + e,
-    var e = σ². The textbook filter of L. Ljung, *Asymptotic behavior of the extended Kalman filter
-    as a parameter estimator for linear systems*, IEEE Trans. AC 24 (1979). Unlike the
-    prediction-error method it corrects the state as well. The variance of θ_i stays below
-    θ_i(0)², to which its row and column are scaled down. A sample that lies alone beyond 100 of
-    its standard deviations is not used, and each after it counts as one of that size.
+    The model is θ[k+1] = θ[k] + w, cov w = W; x[k+1] = f(x[k], θ[k], u[k]), exact for a held u;
+    y = h(x) + e, var e = σ². This is the textbook filter of L. Ljung, *Asymptotic behavior of the
+    extended Kalman filter as a parameter estimator for linear systems*, IEEE Trans. AC 24 (1979).
+    Unlike the prediction-error method, the filter corrects the state as well. The variance of θ_i
+    is limited to θ_i(0)² by scaling a row and a column of P. An isolated outlier beyond 100
+    standard deviations is skipped, and larger innovations after it are clipped to this size; see
+    `flexaxis.estimators.filters.noise`.
 
-    P is claimed for θ that walks as W says. While θ stands still instead, in slow adaptation, the
-    error has half that variance; after a jump, which W does not know, P is far too small.
+    P is the covariance of the error if θ is a random walk with the covariance W. If θ is constant
+    and adaptation is slow, the error has half this variance; after a jump of θ, P is far too small.
 
     Parameters
     ----------
     design : Design
-        With W, what the covariance of θ gains in every sample, as its drift. Where it has no noise
-        R = σ² is learnt from the innovations, see `flexaxis.estimators.filters.noise`.
+        Options of the filter. W, the covariance that θ gains in every sample, is the drift of the
+        design. If the design does not specify the noise, R = σ² is learnt from the innovations.
     """
     start = Memory(joint_arrays(design, heeds=HEEDS_NOTHING))
     return CompiledFilter("flexaxis.estimators.methods.loops:ekf", start, design, read_joint)
@@ -46,10 +47,11 @@ def _extended(
 
     Parameters
     ----------
-    walk : float
-        Standard deviation of the random walk of every θ after a second, relative to θ(0).
+    walk : float, optional
+        Standard deviation of the random walk of every θ after one second, relative to θ(0); by
+        default the tuned value for this axis, or 0.002.
     spread : float
-        Standard deviation of θ(0), relative to it.
+        Standard deviation of the initial error of θ, relative to θ(0).
     """
     return joint_ekf(problem.walk_design("ekf", WALK, walk=walk, spread=spread))
 

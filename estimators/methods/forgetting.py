@@ -1,17 +1,18 @@
 """
 The prediction-error method with other rules of forgetting: reset by a CUSUM, and a variable factor.
 
-Reset P when the residual has grown: g ← max(0, g + 3/8 s − ln 2), s = ε²/(R̂(1+ψᵀPψ)), at most 16,
-with the R̂ before the sample. It is the logarithm of the likelihood ratio of a fourfold variance
-(E. S. Page, *Continuous inspection schemes*, Biometrika 41, 1954). When g exceeds the level, P
-becomes the covariance of an unknown change, and g zero: F. Gustafsson, *Adaptive Filtering and
-Change Detection*, Wiley 2000, ch. 3.
+The first rule resets P when the residual has increased. A CUSUM g ← max(0, g + 3/8 s − ln 2) is
+computed, with s = ε²/(R̂(1+ψᵀPψ)) limited to 16 and R̂ taken before the sample. The increment of g
+is the log-likelihood ratio for a fourfold variance (E. S. Page, *Continuous inspection schemes*,
+Biometrika 41, 1954). When g exceeds the alarm level, P is set to the covariance of an unknown
+change, and g to zero: F. Gustafsson, *Adaptive Filtering and Change Detection*, Wiley 2000, ch. 3.
 
-A factor that follows the residual, λ = σ_q σ_v/|σ_e − σ_v|, at most the λ that is set. It forgets
-only while the residual is large. C. Paleologu, J. Benesty and S. Ciochină, *A robust variable
-forgetting factor recursive least-squares algorithm for system identification*, IEEE Signal
-Processing Letters 15 (2008) 597–600. σ_e² and σ_q², means of ε² and (ψᵀPψ)², have a memory of
-0.3 s; σ_v², of the noise, has one of 2 s. Earlier they are exact means.
+The second rule computes the forgetting factor from the residual, λ = σ_q σ_v/|σ_e − σ_v|, limited
+to the value of the option ``forgetting``. The filter therefore forgets faster while the residual is
+large. C. Paleologu, J. Benesty and S. Ciochină, *A robust variable forgetting factor recursive
+least-squares algorithm for system identification*, IEEE Signal Processing Letters 15 (2008)
+597–600. σ_e² and σ_q² are means of ε² and (ψᵀPψ)² with a memory of 0.3 s; σ_v² is the mean of ε²
+with a memory of 2 s, which represents the noise. Over shorter times they are exact means.
 """
 
 from flexaxis.estimators.filters.design import above_zero
@@ -22,7 +23,7 @@ from flexaxis.estimators.filters.prediction_error import CALM, CEILING, ROBUST
 from flexaxis.estimators.problem import Problem
 from flexaxis.estimators.registry import Entry
 
-FIRST, NEXT = 1.0, 0.5  # s before the first alarm, in which R̂ is learnt, and between two
+FIRST, NEXT = 1.0, 0.5  # s, smallest time before the first alarm (to learn R̂), and between alarms
 
 
 def _cusum_reset(
@@ -35,18 +36,18 @@ def _cusum_reset(
     ceiling: float = CEILING,
 ) -> CompiledFilter:
     """
-    Make the method with this rule.
+    Make the prediction-error method with a reset of P by a CUSUM.
 
     Parameters
     ----------
     forgetting : float, optional
-        λ of a sample, between alarms.
+        Forgetting factor λ per sample, between alarms.
     reset : float
-        What P is reset to, as a standard deviation relative to θ(0).
+        Standard deviation of θ after a reset of P, relative to θ(0).
     level : float
         Alarm threshold [nats].
     robust, ceiling
-        As for `flexaxis.estimators.Rpem`.
+        Options of `flexaxis.estimators.Rpem`.
     """
     design = problem.forgetting_design("cusum-reset", forgetting)
     above_zero("level", level, "an alarm threshold in nats")
@@ -55,7 +56,7 @@ def _cusum_reset(
         CUSUM,
         robust=robust,
         ceiling=ceiling,
-        correct=True,  # P is large after an alarm: the state has to follow
+        correct=True,  # P is large after an alarm, so the state has to follow the changes of θ
         reset=above_zero("reset", reset, "a standard deviation relative to θ(0)") ** 2,
         level=level,
         first=max(FIRST / problem.period, KNOWN),
@@ -64,7 +65,7 @@ def _cusum_reset(
 
 
 SHORT, LONG = 0.3, 2.0  # s, memories of the residual and of the noise: 60 and 400 samples at 5 ms
-FASTEST = 0.05  # s, least time constant of forgetting; λ = 0.9 at 5 ms
+FASTEST = 0.05  # s, shortest time constant of forgetting; λ = 0.9 at 5 ms
 
 
 def _variable_forgetting(
@@ -76,16 +77,16 @@ def _variable_forgetting(
     ceiling: float = CALM,
 ) -> CompiledFilter:
     """
-    Make the method with this rule.
+    Make the prediction-error method with a variable forgetting factor.
 
     Parameters
     ----------
     forgetting : float, optional
-        Largest λ of a sample.
+        Largest forgetting factor λ per sample.
     level : float
-        How far the residual must exceed the noise, in standard deviations, to forget more.
+        Ratio of the standard deviations of residual and noise above which the filter forgets more.
     robust, ceiling
-        As for `flexaxis.estimators.Rpem`.
+        Options of `flexaxis.estimators.Rpem`.
     """
     design = problem.forgetting_design("variable-forgetting", forgetting)
     above_zero("level", level, "a ratio of standard deviations")

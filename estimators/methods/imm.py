@@ -1,4 +1,4 @@
-"""Interacting multiple models: joint extended Kalman filters that share what they know."""
+"""Interacting multiple models: joint extended Kalman filters that exchange their estimates."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,39 +11,41 @@ from flexaxis.estimators.filters.joint import joint_arrays
 from flexaxis.estimators.problem import Problem
 from flexaxis.estimators.registry import Entry
 
-WALK, RATE, JUMP = 0.0015, 1e-3, 0.1581  # 1/√s, 1/s and of θ/θ(0), where no tuning is known
-TUNED_RATE, TUNED_JUMP = 1e-6, 0.3  # where it is: with jumps once in 1000 s, no walk is slow enough
-# for the noise of the paper's method
+WALK, RATE, JUMP = 0.0015, 1e-3, 0.1581  # 1/√s, 1/s and relative to θ(0), without a tuned walk
+TUNED_RATE, TUNED_JUMP = 1e-6, 0.3  # with a tuned walk: if a jump is expected every 1000 s, no walk
+# is slow enough to match the noise of the paper's method
 
 
 def joint_imm(
     design: Design, *, jump: ArrayLike, rate: float = 1e-3, hold: float = 0.05
 ) -> CompiledFilter:
     """
-    Make an interacting-multiple-model filter: a quiet mode, and one in which each θ_i jumps.
+    Make an interacting-multiple-model filter with a quiet mode and one jump mode for each θ_i.
 
-    Every mode j is a joint extended Kalman filter (`flexaxis.estimators.methods.ekf`); the quiet
-    one has W, mode i W and a variance more for θ_i. Modes follow each other as a Markov chain Π.
-    With the probabilities μ and Gaussian likelihoods Λ_j of the innovations, in every sample
+    Every mode j is a joint extended Kalman filter (`flexaxis.estimators.methods.ekf`). The quiet
+    mode uses the covariance W; jump mode i uses W with an additional variance for θ_i. The sequence
+    of modes is a Markov chain with the transition matrix Π. With the probabilities μ and Gaussian
+    likelihoods Λ_j of the innovations, every sample is processed by
 
         μ_j ← c_j Λ_j / Σ,  c_j = Σ_i Π_ij μ_i,  μ_i|j = Π_ij μ_i/c_j,
         ξ⁰_j = Σ_i μ_i|j ξ_i,  P⁰_j = Σ_i μ_i|j [P_i + (ξ_i−ξ⁰_j)(ξ_i−ξ⁰_j)ᵀ],
 
-    and mode j goes on from ξ⁰_j, P⁰_j. Estimate, covariance and innovation are those of the
-    mixture, and one R is learnt for all modes. H. A. P. Blom and Y. Bar-Shalom, *The interacting
-    multiple model algorithm for systems with Markovian switching coefficients*, IEEE Trans. AC 33
-    (1988) 780–783.
+    and mode j continues from ξ⁰_j, P⁰_j. The filter returns the estimate, the covariance and the
+    innovation of the mixture. One value of R is learnt for all modes. H. A. P. Blom and
+    Y. Bar-Shalom, *The interacting multiple model algorithm for systems with Markovian switching
+    coefficients*, IEEE Trans. AC 33 (1988) 780–783.
 
     Parameters
     ----------
     design : Design
-        As for `flexaxis.estimators.methods.ekf.joint_ekf`; its drift is that of the quiet mode.
+        Options as in `flexaxis.estimators.methods.ekf.joint_ekf`; the drift applies to the quiet
+        mode.
     jump : (p,) array_like
-        Variance that θ_i gains in every sample while it jumps.
+        Variance that each θ_i gains in every sample during a jump of this parameter.
     rate : float
-        How often any parameter jumps [1/s].
+        Mean rate of jumps of any parameter [1/s].
     hold : float
-        How long a jump mode lasts, on average [s].
+        Mean duration of a jump mode [s].
 
     Raises
     ------
@@ -82,14 +84,15 @@ def _imm(
     Parameters
     ----------
     walk, spread
-        As for `flexaxis.estimators.methods.ekf._extended`; walk is that of the quiet mode.
+        Options as in `flexaxis.estimators.methods.ekf._extended`; the walk applies to the quiet
+        mode, and its default on an axis without a tuned value is 0.0015.
     jump : float, optional
         Standard deviation of a jump of θ_i, relative to θ(0); 0.3 on an axis with a tuned walk,
         otherwise 0.1581.
     rate : float, optional
-        How often a jump comes [1/s]; 1e-6 on an axis with a tuned walk, otherwise 1e-3.
+        Mean rate of jumps [1/s]; 1e-6 on an axis with a tuned walk, otherwise 1e-3.
     hold : float
-        How long a jump lasts, on average [s].
+        Mean duration of a jump [s].
     """
     tuned = problem.tuned("imm") is not None
     rate = (TUNED_RATE if tuned else RATE) if rate is None else rate

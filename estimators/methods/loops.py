@@ -1,10 +1,10 @@
 """
-The loops of the filters over their samples: the methods, in a few lines each.
+The loops of the filters over the samples: each loop shows one method in a few lines.
 
-Each takes a block of memory and the places of its arrays in it, `at`; see
-`flexaxis.estimators.filters.filter.CompiledFilter`. Where `laws` is None, the model is linear: what
-is compiled then contains no laws, and takes a fraction of the time. θ[k] uses y[k], and u[k] is not
-yet in x then.
+The arguments of each loop include the memory block of the filter and ``at``, the positions of the
+arrays in the block; see `flexaxis.estimators.filters.filter.CompiledFilter`. If ``laws`` is None,
+the model is linear. The compiled code then contains no laws and takes much less time to compile.
+θ[k] is computed from y[k] before u[k] acts on the state x.
 """
 
 from flexaxis.estimators.filters.forgetting import forget
@@ -32,7 +32,7 @@ from flexaxis.estimators.models.series import over_sample
 
 @loop
 def rpem(block, at, u, y, valid, estimates, trace, laws):  # noqa: PLR0917
-    """Take samples of a recursive prediction-error method, eq. (5)–(23)."""
+    """Process samples with a recursive prediction-error method, eq. (5)–(23)."""
     state = views(Recursion, block, at)
     for k in range(len(u)):
         measure(state, y[k], valid[k])  # (5)–(7)
@@ -48,7 +48,7 @@ def rpem(block, at, u, y, valid, estimates, trace, laws):  # noqa: PLR0917
 
 @loop
 def ekf(block, at, u, y, valid, estimates, trace, laws):  # noqa: PLR0917
-    """Take samples of a joint extended Kalman filter."""
+    """Process samples with a joint extended Kalman filter."""
     state = views(Joint, block, at)
     now = state.now[0]
     for k in range(len(u)):
@@ -64,7 +64,7 @@ def ekf(block, at, u, y, valid, estimates, trace, laws):  # noqa: PLR0917
 
 @loop
 def imm(block, at, u, y, valid, estimates, trace, laws):  # noqa: PLR0917
-    """Take samples of interacting multiple models."""
+    """Process samples with interacting multiple models."""
     modes = views(Modes, block, at)
     now, quiet = modes.now, modes.now[0]
     for k in range(len(u)):

@@ -38,79 +38,85 @@ class Rpem(CompiledFilter):
     Parameters
     ----------
     model : Model
-        Grey-box model, such as ``three_mass(nominal)``; with nonlinear laws too, along whose
-        trajectory the sensitivities are then propagated.
+        Grey-box model, such as ``three_mass(nominal)``. If the model contains nonlinear laws, the
+        sensitivities are propagated along the nonlinear trajectory.
     identify : sequence of str, optional
-        Parameters to estimate, or their inverses; the model's own choice by default. All others
-        stay at the model's nominal values.
+        Parameters to estimate, or their inverses; the model's attribute ``identify`` by default.
+        All other parameters keep their nominal values.
     theta0 : (p,) array_like, optional
-        θ(0); the model's nominal values by default.
+        Initial estimate θ(0); the model's nominal values by default.
     P0 : (p,) or (p, p) array_like
-        P(0), for a noise variance of one; see `flexaxis.estimators.offline.priors.nominal_P`.
+        Initial matrix P(0) or its diagonal, for a noise variance of one; see
+        `flexaxis.estimators.offline.priors.nominal_P`.
     period : float
         Sampling period T [s].
     noise : float, optional
-        Standard deviation of y, in its unit; estimated from the residual by default.
-    forgetting : float, optional
-        Forgetting factor λ in (0, 1], eq. (9), for a sample; where neither it nor ``drift`` is
-        given, that of a time constant of 1 s, 1 − T/(1 s).
-    drift : (p,) or (p, p) array_like, optional
-        Δ, the covariance that P gains in every sample, eq. (10).
-    regularization : float or (p,) array_like
-        μ ≥ 0, eq. (12), or one for each parameter; keeps P ≤ (1−λ)/μ with forgetting.
-    bounds : (lower, upper), optional
-        Box on which θ is projected after every update, P left alone; 0.1 to 10 times θ(0) by
+        Standard deviation of the noise of y, in the unit of y; estimated from the residual by
         default.
+    forgetting : float, optional
+        Forgetting factor λ in (0, 1] per sample, eq. (9). If neither ``forgetting`` nor ``drift``
+        is given, λ = 1 − T/(1 s), which is a time constant of 1 s.
+    drift : (p,) or (p, p) array_like, optional
+        Covariance Δ, or its diagonal, that P gains in every sample, eq. (10).
+    regularization : float or (p,) array_like
+        Weight μ ≥ 0 of eq. (12), one value or one for each parameter; with forgetting it keeps
+        P ≤ (1−λ)/μ.
+    bounds : (lower, upper), optional
+        Box on which θ is projected after every update, without a change of P; 0.1 to 10 times θ(0)
+        by default.
     output : {"speed", "increment", "angle"}
-        The signal y: the motor speed at t_k, the increment (φ[k]−φ[k−1])/T of the motor angle, or
-        the angle φ itself, which is converted to increments.
+        Kind of signal y: the motor speed at t_k, the increment (φ[k]−φ[k−1])/T of the motor angle,
+        or the angle φ itself, which is converted to increments.
     state_correction : bool
-        Whether the state follows every change of θ, x ← x + z Δθ with z = ∂x/∂θ, so that it is
-        what the new θ would have made of the past. Not in the paper, whose state keeps what the
-        old estimates did to it; without it a jump is followed more slowly and with overshoot.
+        Whether the state is corrected for every change of θ, x ← x + z Δθ with z = ∂x/∂θ. To first
+        order, the corrected state is the one that the new θ would have produced from past inputs.
+        The paper does not correct the state; without correction the estimate follows a jump more
+        slowly and with overshoot.
     robust : float
-        Number of standard deviations to which residuals are limited, such as 3, so that an
-        outlier cannot throw the estimate (Huber's influence function; P. J. Huber, *Robust
+        Number of standard deviations to which residuals are clipped, such as 3, so that an outlier
+        cannot cause a large error of the estimate (Huber's influence function; P. J. Huber, *Robust
         estimation of a location parameter*, Ann. Math. Stat. 35, 1964); 0 for no limit. In the
-        first 50 samples, when R̂ is the mean of k residuals, the limit is (50/k)² as large. With a
-        limit, the readings of a stuck or saturated sensor are ignored as well; see
+        first 50 samples, when R̂ is the mean of k residuals, the limit is larger by a factor of
+        (50/k)². With a limit, the readings of a stuck or saturated sensor are ignored as well; see
         `flexaxis.estimators.filters.fault_monitor`.
     ceiling : float
-        Largest variance R̂ P_ii of a parameter relative to θ(0)², except where P(0) or a reset
-        allows more. Until R̂ is known, P_ii ≤ 100 P(0)_ii. It changes nothing, to the last bit,
-        until it acts, as in a long standstill; infinite for the paper's original method.
+        Largest variance R̂ P_ii of a parameter relative to θ(0)², unless P(0) or a reset allows a
+        larger one. Until R̂ is known, P_ii ≤ 100 P(0)_ii. Results are identical, to the last bit,
+        unless P reaches the ceiling, for example in a long standstill. Infinite for the paper's
+        original method.
 
     Attributes
     ----------
     names : tuple of str
-        The identified parameters.
+        Names of the p identified parameters.
     bounds : tuple of arrays
-        The box in use.
+        Lower and upper bounds (p,) of θ.
     theta, psi : (p,) arrays
-        The estimate, and the gradient of ŷ at the estimate before.
+        Current estimate, and gradient of ŷ at the previous estimate.
     P : (p, p) array
-        P(t+1|t), for a noise variance of one; set it to reset the filter after a known change.
+        Matrix P(t+1|t), for a noise variance of one; assign a new value to reset the filter after a
+        known change.
     covariance : (p, p) array
         Claimed covariance R̂ Σ of the estimate of a constant θ, with
-        Σ ← (I − Kψᵀ) Σ (I − Kψᵀ)ᵀ + K Kᵀ, K = P(t|t) ψ, from Σ = P where P is set; P/2 in slow,
-        steady adaptation. R̂ is the square of ``noise`` or a running mean of ε²/(1+ψᵀΣψ) with a
-        memory of 2 s, and one before the first measurement. It learns only while the axis is
-        excited.
+        Σ ← (I − Kψᵀ) Σ (I − Kψᵀ)ᵀ + K Kᵀ and K = P(t|t) ψ. Assigning P also sets Σ = P; in slow,
+        steady adaptation Σ equals P/2. R̂ is the square of ``noise`` or a running mean of
+        ε²/(1+ψᵀΣψ) with a memory of 2 s; R̂ is one before the first measurement, and is updated only
+        while the axis is excited.
     epsilon : float
         Residual y − ŷ; NaN in a gap.
     prediction, innovation, innovation_variance, innovations
-        As of every `flexaxis.estimators.filters.filter.RecursiveEstimator`.
+        Attributes of `flexaxis.estimators.filters.filter.RecursiveEstimator`.
 
     Raises
     ------
     EstimatorError
-        If an option cannot be used. An estimate that diverges is a result and no error.
+        If an option cannot be used. A diverging estimate does not raise an error.
 
     Notes
     -----
     θ[k] uses y[0..k] and u[0..k−1]; u[k] is held on [t_k, t_{k+1}) and first acts on y[k+1]. The
-    sensitivities are zero before the first sample. Inside, all is in θ/θ(0), so that the units and
-    signs of the parameters do not matter.
+    sensitivities are zero before the first sample. Internally, all quantities are expressed in
+    θ/θ(0), so the units and signs of the parameters do not matter.
     """
 
     def __init__(
@@ -166,28 +172,29 @@ class Rpem(CompiledFilter):
 
     def restart(self, P: ArrayLike) -> None:
         """
-        Begin anew after a change that is known to happen at the next sample.
+        Restart the filter for a change that is known to happen at the next sample.
 
-        For a change at k₀, the first sample with the new parameters, call it after sample k₀ − 1:
-        y[k₀] was still made by the old ones, and the torque held from t_k₀ on acts on the new. The
-        state stays, but its sensitivities become zero: it does not depend on the new θ yet.
+        Let k₀ be the first sample with the new parameters; call this method after sample k₀ − 1.
+        y[k₀] still depends on the old parameters only, and the torque that is held from t_k₀ on
+        acts on the new ones. The state is kept, but its sensitivities are set to zero, because the
+        state does not depend on the new θ yet.
 
         Parameters
         ----------
         P : (p,) or (p, p) array_like
-            What is known of the new θ, for a noise variance of one.
+            Covariance of the new θ or its diagonal, for a noise variance of one.
         """
         self.P = P
         self.state["X"][:, 1:] = 0.0
 
     @property
     def noise_variance(self) -> float:
-        """R̂, the variance of the output noise: as given, or as estimated so far."""
+        """Variance R̂ of the output noise, either specified or estimated so far."""
         return float(self.state["noise"])
 
     @property
     def signal_power(self) -> float:
-        """Mean square of ŷ, with the memory of R̂."""
+        """Mean square of ŷ, averaged with the same memory as R̂."""
         return float(self.state["signal"])
 
     @property
@@ -199,7 +206,7 @@ class Rpem(CompiledFilter):
         return float(self.state["epsilon"])
 
     def trace(self, u: ArrayLike, y: ArrayLike, valid: ArrayLike | None = None) -> Trace:
-        """Do as ``run`` and keep residual, gradient and P of every sample."""
+        """Process samples as ``run`` does, and return residual, gradient and P of every sample."""
         return trace(self, u, y, valid)
 
 
@@ -218,11 +225,11 @@ def rpem_forgetting(
     Parameters
     ----------
     forgetting : float, optional
-        λ of a sample.
+        Forgetting factor λ per sample.
     regularization : float
-        m of μ_i = m (1−λ)/P(0)_ii, which keeps P_ii below P(0)_ii/m: free of units.
+        Dimensionless factor m of μ_i = m (1−λ)/P(0)_ii, which keeps P_ii below P(0)_ii/m.
     state_correction, robust, ceiling
-        As for `Rpem`.
+        Options of `Rpem`.
     """
     weight = problem.factor("rpem-forgetting", forgetting)
     P = problem.forgetting_P(weight)
@@ -254,11 +261,11 @@ def rpem_drift(
     Parameters
     ----------
     scale : float
-        Factor on Δ.
+        Factor by which Δ is multiplied.
     regularization : float
-        m of μ_i = m Δ_ii/P(0)_ii², which keeps P_ii below P(0)_ii/√m: free of units.
+        Dimensionless factor m of μ_i = m Δ_ii/P(0)_ii², which keeps P_ii below P(0)_ii/√m.
     robust, ceiling
-        As for `Rpem`.
+        Options of `Rpem`.
     """
     from flexaxis.estimators.offline import priors
 

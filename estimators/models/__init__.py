@@ -1,8 +1,9 @@
 """Models of an axis, and their integration over a sample: formulas, laws, discretisation.
 
-`axes` has the shipped models and reads others from tables; `model` and `laws` describe them as
-data. `series` integrates a model over one sample, `reaction` and `law_torques` add its laws.
-`discretisation` chooses the order of the series, and does the same by a matrix exponential.
-`memory` and `compiler` serve compiled code. The input are tables of formulas in the physical
-parameters, the output are matrices, predictions and their derivatives at any θ.
+`axes` contains the shipped models and reads others from tables; `model` and `laws` represent a
+model as data. `series` integrates a model over one sample; `reaction` and `law_torques` add the
+torques of its nonlinear laws. `discretisation` chooses the order of the series, and computes the
+same transition with a matrix exponential. `memory` and `compiler` support compiled code. The input
+consists of tables of formulas in the physical parameters; the output consists of matrices,
+predictions and their derivatives at any θ.
 """

@@ -1,4 +1,4 @@
-"""The shipped models, with one to three masses, and models from tables."""
+"""The shipped models, with one to three masses, and models read from tables."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -18,7 +18,7 @@ def one_mass(nominal: Mapping[str, float]) -> Model:
     Parameters
     ----------
     nominal : mapping
-        Nominal k_T, inertia J_m and friction f_m [SI].
+        Nominal values of k_T, the inertia J_m and the friction f_m [SI].
 
     Returns
     -------
@@ -40,13 +40,14 @@ def one_mass(nominal: Mapping[str, float]) -> Model:
 
 def three_mass(nominal: Mapping[str, float]) -> Model:
     """
-    Return the paper's axis: motor, gear and arm, two springs; eq. (3), (4).
+    Return the paper's axis: motor, gear and arm, coupled by two springs; eq. (3), (4).
 
     Parameters
     ----------
     nominal : mapping
-        Nominal k_T, J_m, J_g, J_a, k_g, k_a, d_g, d_a, f_m, f_g, f_a, r [SI]; inertias and
-        springs above 0, dampings and frictions 0 or above, k_T and r of any sign.
+        Nominal values of k_T, J_m, J_g, J_a, k_g, k_a, d_g, d_a, f_m, f_g, f_a and r [SI].
+        Inertias and stiffnesses must be positive, damping and friction must not be negative, and
+        k_T and r must not be zero.
 
     Returns
     -------
@@ -114,21 +115,21 @@ GEAR_FRICTION = Law(
         "ratio": "r",
     },
 )
-"""Friction of a drive that grows with the load of the gear, for a model with `GEAR_SPRING`."""
+"""Friction that grows with the load of the gear, for a model that contains `GEAR_SPRING`."""
 GEAR_SPRING = Law(
     "spring",
     drive={"twist_gear": 1.0},
     acts={"speed_motor": "-r*k_g/J_m", "speed_gear": "k_g/J_g"},
     parameters={"cubic": "kappa", "gap": "gap"},
 )
-"""A gear spring that stiffens, with backlash."""
+"""A gear spring with backlash that becomes stiffer with increasing twist."""
 COGGING = Law(
     "sinusoid",
     drive={"angle_motor": 1.0},
     acts={"speed_motor": "1/J_m"},
     parameters={"sine": "c_sin", "cosine": "c_cos", "poles": "poles"},
 )
-"""Cogging of the motor, for a model with its angle: see `with_angle`."""
+"""Cogging of the motor, for a model that contains the motor angle: see `with_angle`."""
 LIMIT = Law(
     "clip",
     drive={INPUT: 1.0},
@@ -139,7 +140,7 @@ LIMIT = Law(
 
 
 def with_angle(model: Model) -> Model:
-    """Return a model with the motor angle as one more state; it starts at zero."""
+    """Return a model with the motor angle, which starts at zero, as an additional state."""
     return replace(
         model,
         states=(*model.states, "angle_motor"),
@@ -150,7 +151,7 @@ def with_angle(model: Model) -> Model:
 
 
 def with_cogging(model: Model) -> Model:
-    """Return a model with the motor angle and cogging, the last of its laws."""
+    """Return a model with the motor angle as a state and with cogging as the last law."""
     model = with_angle(model)
     cogging = {"c_sin": 0.0, "c_cos": 0.0, "poles": 10.0}
     return replace(model, laws=(*model.laws, COGGING), nominal=dict(model.nominal) | cogging)
@@ -158,18 +159,20 @@ def with_cogging(model: Model) -> Model:
 
 def real_axis(nominal: Mapping[str, float]) -> Model:
     """
-    Return the paper's axis with the nonlinear laws of a real one.
+    Return the paper's axis with the nonlinear laws of a real axis.
 
-    The laws are dry friction of the motor, and a gear spring that stiffens and has backlash. With
-    ``mu_m`` among the nominal values friction grows with the load of the gear; with the number of
-    ``poles`` there is cogging, and with ``torque_limit`` a limit.
+    The model always contains dry friction of the motor and a stiffening gear spring with backlash.
+    If the nominal values include ``mu_m``, friction grows with the load of the gear; if they
+    include ``poles``, the model contains cogging; if they include ``torque_limit``, the torque of
+    the drive is limited.
 
     Parameters
     ----------
     nominal : mapping
-        As for `three_mass`, and f_c, f_s, v_s, sigma_0, sigma_1, v_0, kappa and gap of
-        `flexaxis.estimators.models.laws`; with poles also c_sin and c_cos; with mu_m also mu_e,
-        mu_ms, mu_es and sharpness, but no sigma_0 and sigma_1.
+        Nominal values of the parameters of `three_mass` and of f_c, f_s, v_s, sigma_0, sigma_1,
+        v_0, kappa and gap, see `flexaxis.estimators.models.laws`. If ``poles`` is included, c_sin
+        and c_cos are required too. If ``mu_m`` is included, mu_e, mu_ms, mu_es and sharpness are
+        required too, but sigma_0 and sigma_1 are not.
     """
     model = three_mass(nominal)
     laws = [GEAR_FRICTION if "mu_m" in nominal else BRISTLES, GEAR_SPRING]
@@ -188,8 +191,8 @@ def two_mass(nominal: Mapping[str, float]) -> Model:
     Parameters
     ----------
     nominal : mapping
-        Nominal k_T, inertias J_m (motor) and J_l (load), stiffness k and damping d of the shaft,
-        friction f_m and f_l [SI].
+        Nominal values of k_T, the inertias J_m (motor) and J_l (load), the stiffness k and damping
+        d of the shaft, and the friction f_m and f_l [SI].
 
     Returns
     -------
@@ -223,9 +226,10 @@ class Traits:
     inertia : float
         Total inertia, referred to the motor, for k_T = 1 [kg m²].
     friction : float
-        A small viscous friction [N m s/rad].
+        Small value assumed for the viscous friction [N m s/rad].
     resonance : float
-        Frequency at which |G| exceeds the response of the inertia most [rad/s].
+        Frequency at which |G| exceeds the response of the total inertia by the largest factor
+        [rad/s].
     """
 
     inertia: float
@@ -241,11 +245,12 @@ class _Shipped:
     Attributes
     ----------
     factory : callable
-        ``factory(nominal)``: the model with these nominal values.
+        Function ``factory(nominal)`` that returns the model with these nominal values.
     rough : mapping
-        Values of about the right size for an unknown axis [SI].
+        Parameter values of a plausible size for an unknown axis [SI].
     guess : callable or None
-        ``guess(traits)``: better values from the frequency response, if it determines them.
+        Function ``guess(traits)`` that derives better values from the frequency response; None if
+        the frequency response does not determine them.
     """
 
     factory: Callable[[Mapping[str, float]], Model]
@@ -258,7 +263,7 @@ def _one_mass_guess(seen: Traits) -> dict[str, float]:
 
 
 def _two_mass_guess(seen: Traits) -> dict[str, float]:
-    """Return two equal masses J with the resonance ω² = 2 k/J, damped by 2 %."""
+    """Return parameters of two equal masses J with the resonance ω² = 2 k/J, damped by 2 %."""
     stiffness = seen.resonance**2 * seen.inertia / 4
     return {
         "k_T": 1.0, "J_m": seen.inertia / 2, "J_l": seen.inertia / 2, "k": stiffness,
@@ -270,7 +275,7 @@ N1 = {
     "k_T": 1.0, "J_m": 1.2e-3, "J_g": 7.0, "J_a": 0.8, "k_g": 1.06e5, "k_a": 8.4e3,
     "d_g": 26.0, "d_a": 1.6, "f_m": 0.05, "f_g": 0.5, "f_a": 0.1, "r": 1 / 118,
 }  # fmt: skip
-"""The nominal axis of the benchmark, of the size of the first axis of an industrial robot."""
+"""The nominal axis of the benchmark, comparable in size to axis one of an industrial robot."""
 
 MODELS: Mapping[str, _Shipped] = {
     "one_mass": _Shipped(
@@ -292,20 +297,21 @@ _KEYS = ("name", "states", "A", "B", "C", "nominal")
 
 def model_from_tables(tables: Mapping[str, Any]) -> Model:
     """
-    Return a model from nested tables, as `tomllib` reads them.
+    Return a model, given nested tables as returned by `tomllib`.
 
     Parameters
     ----------
     tables : mapping
-        Either ``model``, the name of a shipped model, or ``name``, ``states``, ``A`` (rows of
-        formulas), ``B`` and ``C``; and ``nominal``, the value of each parameter [SI]. Optionally
-        ``law``, a list of tables with the fields of `flexaxis.estimators.models.laws.Law`. Other
-        keys are ignored.
+        Tables with either the key ``model``, the name of a shipped model, or the keys ``name``,
+        ``states``, ``A`` (rows of formulas), ``B`` and ``C``; and with the key ``nominal``, the
+        value of each parameter [SI]. The optional key ``law`` contains a list of tables with the
+        fields of `flexaxis.estimators.models.laws.Law`. Other keys are ignored.
 
     Raises
     ------
     EstimatorError
-        If a key is missing or of the wrong kind, a formula cannot be read, or a value is missing.
+        If a key is missing or has a value of the wrong type, a formula cannot be read, or a nominal
+        value is missing.
 
     Examples
     --------
@@ -336,7 +342,7 @@ def model_from_tables(tables: Mapping[str, Any]) -> Model:
 
 
 def _checked(key: str, kind: Any, value: Any) -> Any:
-    """Return a table as an object of a kind; raise EstimatorError if it does not fit."""
+    """Convert a table to the given type; raise EstimatorError if the table does not fit."""
     from pydantic import TypeAdapter, ValidationError  # slow to import
 
     try:

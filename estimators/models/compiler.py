@@ -1,13 +1,14 @@
 """
-How functions are compiled: by numba, once for all models, when they are first called.
+Compilation of functions by numba, once for all models, when the functions are first called.
 
 `compiled` and `loop` mark functions that Python calls and that numba caches; the other decorators
-mark functions that are compiled into those. Numba is imported only when something is compiled: the
-import takes longer than everything else that a list of estimators needs.
+mark functions that are compiled into their callers. Numba is imported only when a function is
+compiled, because this import takes longer than everything else that is needed to list the
+estimators.
 
-Numba invalidates a cached function when the file of that function changes. Here functions call
-those of other files. So the name of the cache folder contains a digest of all sources of the
-package and of numba's version: any edit makes another folder.
+Numba invalidates a cached function when the file of the function changes. In this package functions
+call functions of other files. Therefore the name of the cache folder contains a digest of all
+sources of the package and of numba's version: any edit leads to another folder.
 """
 
 import gc
@@ -25,7 +26,7 @@ from typing import Any
 from flexaxis.estimators.models.memory import register
 
 SOURCES = Path(__file__).parent.parent
-"""The folder of sources on which compiled code depends."""
+"""The folder that contains the sources of all compiled code."""
 
 
 class Compiled:
@@ -35,12 +36,13 @@ class Compiled:
     Parameters
     ----------
     function : callable
+        Function to compile.
     kept : bool
-        Whether Python calls it and numba caches it. Otherwise it is compiled into its callers, and
-        a call from Python, as in a test, runs it uncompiled.
+        Whether Python calls the function and numba caches it. Otherwise the function is compiled
+        into its callers; a call from Python, as in a test, runs the function uncompiled.
     **options
-        Of `numba.njit`. Unless ``_nrt`` is True, the function may create views but no arrays, and
-        no references are counted.
+        Options of `numba.njit`. Unless ``_nrt`` is True, the function may create views but no
+        arrays, and no references are counted.
     """
 
     def __init__(self, function: Callable, *, kept: bool = False, **options: Any) -> None:
@@ -50,7 +52,7 @@ class Compiled:
         self._called: set[type] = set()
 
     def __call__(self, *arguments: Any) -> Any:
-        """Call it. The first call for a type of the last argument compiles, one process at once."""
+        """Call the function; a new type of the last argument compiles, in one process at a time."""
         call, last = self.dispatcher if self.kept else self.function, type(arguments[-1])
         if last in self._called or call is self.function:
             return call(*arguments)
@@ -63,7 +65,7 @@ class Compiled:
 
     @cached_property
     def dispatcher(self) -> Any:
-        """The compiled function; with NUMBA_DISABLE_JIT=1 the function itself."""
+        """The compiled function, or the original function if NUMBA_DISABLE_JIT=1."""
         numba = _numba()
         options: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
         if self.kept:
@@ -75,31 +77,31 @@ class Compiled:
 compiled = partial(Compiled, kept=True, _nrt=True)
 """Compile a function that Python calls."""
 loop = partial(Compiled, kept=True)
-"""The same for a function that creates no arrays."""
+"""Compile a function that Python calls and that creates no arrays."""
 inlined = Compiled
-"""Compile a function into those that call it."""
+"""Compile a function into its callers."""
 fused = partial(Compiled, fastmath={"contract"})
-"""The same, where a·b + c may be rounded once."""
+"""Compile a function as `inlined` does, but allow a·b + c to be rounded once."""
 embedded = partial(Compiled, forceinline=True)
-"""The same, and inlined by all means, such as a function that returns many views."""
+"""Compile a function as `inlined` does, but force inlining, as for one that returns many views."""
 summed = partial(Compiled, fastmath={"contract", "reassoc"})
-"""The same as `fused`, where sums may be taken in any order."""
+"""Compile a function as `fused` does, but allow sums to be taken in any order."""
 
 
 @contextmanager
 def _alone(name: str) -> Iterator[None]:
-    """Make other processes that need the function wait; they then find it in the cache."""
+    """Make other processes that need the function wait until it is in the cache."""
     folder, collects = cache_folder(), gc.isenabled()
     if folder is None:
         _tell("in every process, as no cache folder can be written")
     else:
-        with suppress(FileExistsError):  # another process has begun, and has said so
+        with suppress(FileExistsError):  # another process has begun and printed the message
             (folder / "begun").open("x").close()
             _tell(f"once on this machine, a minute or two, into {folder}")
     lock = sqlite3.connect(folder / f"{name}.lock" if folder else ":memory:", timeout=3600)
-    gc.disable()  # collecting garbage takes a sixth of the time, and finds next to none
+    gc.disable()  # garbage collection takes a sixth of the time and frees almost nothing
     try:
-        with closing(lock):  # a lock on every system, which also ends with the process
+        with closing(lock):  # works on every system, and is released if the process ends
             lock.execute("BEGIN EXCLUSIVE")
             yield
     finally:
@@ -109,19 +111,19 @@ def _alone(name: str) -> Iterator[None]:
 
 @lru_cache
 def _numba() -> Any:
-    """Return numba, with our cache folder and with `Compiled` as a type that it knows."""
+    """Import numba, set its cache folder, and register the type `Compiled`."""
     import numba
     from numba.core.caching import _CacheLocator
     from numba.extending import typeof_impl
 
     config: Any = numba.config
-    config.SLP_VECTORIZE = 1  # numbers that are written side by side become vectors
+    config.SLP_VECTORIZE = 1  # combine adjacent scalar operations into vector instructions
     if folder := cache_folder():
         config.CACHE_DIR = str(folder)
         usual = _CacheLocator.get_suitable_cache_subpath
 
         def place(path: str) -> str:
-            """Return one folder for every copy of these sources, wherever it is."""
+            """Return the same subfolder for every copy of these sources, regardless of location."""
             ours = SOURCES in Path(path).parents
             return Path(path).parent.name if ours else usual(path)
 
@@ -134,10 +136,10 @@ def _numba() -> Any:
 @lru_cache
 def cache_folder() -> Path | None:
     """
-    Return the folder for compiled code, created if need be; None if it cannot be written.
+    Return the folder for compiled code, created if necessary; None if the folder is not writable.
 
-    It lies below ``FLEXAXIS_COMPILED`` or ``NUMBA_CACHE_DIR`` if set, else below the user's cache
-    folder.
+    The folder lies below ``FLEXAXIS_COMPILED`` or ``NUMBA_CACHE_DIR`` if one of these variables is
+    set, otherwise below the user's cache folder.
     """
     given = os.environ.get("FLEXAXIS_COMPILED") or os.environ.get("NUMBA_CACHE_DIR")
     try:
@@ -145,13 +147,13 @@ def cache_folder() -> Path | None:
         folder = base / digest(SOURCES)
         folder.mkdir(parents=True, exist_ok=True)
         tempfile.TemporaryFile(dir=folder).close()
-    except (OSError, RuntimeError):  # RuntimeError: a user without a home
+    except (OSError, RuntimeError):  # RuntimeError: the user has no home folder
         return None
     return folder
 
 
 def is_uncompiled() -> bool:
-    """Return whether these sources were never compiled into the cache."""
+    """Return whether the cache contains no compiled code of these sources."""
     folder = cache_folder()
     return folder is not None and not (folder / "begun").exists()
 

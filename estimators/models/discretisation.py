@@ -1,4 +1,4 @@
-"""The discretisation of a model: the order of its series, and the same by a matrix exponential."""
+"""Discretisation of a model: the order of the series in `series`, and a matrix exponential."""
 
 import math
 
@@ -10,15 +10,15 @@ from flexaxis.estimators.models.parametrization import Parametrization
 
 Array = NDArray[np.float64]
 
-TOLERANCE = 1e-12
-LAW_TOLERANCE = 1e-9  # of the linear part of a step with laws; the error of the laws is 1e-5
-LAW_RANGE = 2.0  # factor between θ and its start, for which that tolerance is planned
-LAW_STEPS = 4  # of a sample, at least: resolves the time at which dry friction reverses
-LAW_LONGEST = 1.25e-3  # s, as at 200 Hz: reversals are as fast at a lower sampling rate
-LAW_STEP = 0.2  # times the time constant of the fastest mode, 1/|pole|: 1.3 ms on the paper's axis
-MAX_SIZE = 3.0  # of A·T per substep; larger terms cancel and cost digits, e^3 = 20
-MAX_ORDER = 40  # rows of `flexaxis.estimators.models.series.SERIES`
-MAX_STEPS = 10_000  # of a sample: a mode of 30 000 radians a sample cannot be observed
+TOLERANCE = 1e-12  # largest remainder of the series of a model without laws
+LAW_TOLERANCE = 1e-9  # the same for the linear part of a model with laws; the error of laws is 1e-5
+LAW_RANGE = 2.0  # largest ratio between θ and its start for which LAW_TOLERANCE is guaranteed
+LAW_STEPS = 4  # smallest number of steps per sample: resolves the time of a friction reversal
+LAW_LONGEST = 1.25e-3  # s, longest step, as at 200 Hz: a lower rate does not slow down reversals
+LAW_STEP = 0.2  # longest step relative to 1/|pole| of the fastest mode: 1.3 ms on the paper's axis
+MAX_SIZE = 3.0  # largest A·T per substep; larger terms cancel and lose digits, e^3 = 20
+MAX_ORDER = 40  # largest order: the number of rows of `flexaxis.estimators.models.series.SERIES`
+MAX_STEPS = 10_000  # per sample: a mode of 30 000 radians per sample cannot be observed
 
 
 def plan(
@@ -30,26 +30,34 @@ def plan(
     steps: int | None = None,
 ) -> tuple[int, int, int]:
     """
-    Return the steps of a sample, and order and substeps of each with a negligible remainder.
+    Return the steps per sample, the order of the series, and the substeps per step.
 
-    |A(θ)| is bounded entry by entry over the box, each monomial at its worst corner. The Perron
-    root ρ of that nonnegative matrix is the least norm that any choice of units can give it, so
-    x = ρT/s is the size of a substep whatever the units, and the remainder of the series after m
-    terms is below Σ_{k>m} k·x^(k−1)/k! = Σ_{k≥m} x^k/k! for the sensitivities, which is the most.
-    Chains of integrators, which units can make as small as one likes, end after 2(n+1) terms.
+    The remainder of the series is negligible for any θ in the box. Each entry of |A(θ)| is bounded
+    over the box, with every monomial evaluated at its worst corner. The Perron root ρ of this
+    nonnegative matrix of bounds is the smallest norm of the matrix for any choice of units.
+    Therefore the size x = ρT/s of a substep does not depend on the units. The sensitivities have
+    the largest remainder; after m terms their remainder is below Σ_{k>m} k·x^(k−1)/k! =
+    Σ_{k≥m} x^k/k!. Chains of integrators, which a choice of units can make arbitrarily small, end
+    after 2(n+1) terms.
 
-    A model with laws has a less accurate series, as its laws are solved less accurately. It is
-    planned for θ within `LAW_RANGE` of its start; beyond that it still converges.
+    The series of a model with laws is less accurate, because the laws are also solved less
+    accurately. The accuracy of the series is guaranteed for θ within a factor of `LAW_RANGE` of the
+    start; outside this range the series still converges.
 
     Parameters
     ----------
     model : Parametrization
     lower, upper : (p,) arrays
-        The box, without zero in it.
+        Lower and upper bounds of the parameters; the box must not contain zero.
     period : float
         Sampling period [s].
     steps : int, optional
-        Steps of a sample of a model with laws; `law_steps` by default.
+        Number of steps per sample for a model with laws; computed by `law_steps` by default.
+
+    Returns
+    -------
+    steps, order, parts : int
+        Number of steps per sample, order of the series, and number of substeps per step.
 
     Raises
     ------
@@ -75,15 +83,15 @@ def plan(
 
 
 def law_steps(model: Parametrization, period: float) -> int:
-    """Return the number of steps in which the laws of a model are solved in a sample."""
+    """Return the number of steps per sample in which the laws of a model are solved."""
     A, _, _ = model.matrices(model.theta)
     fastest = float(max(abs(np.linalg.eigvals(A))))
-    longest = math.ceil(period / LAW_LONGEST - 1e-9)  # not one more for a rounded period
+    longest = math.ceil(period / LAW_LONGEST - 1e-9)  # 1e-9 allows for rounding of the period
     return max(LAW_STEPS, longest, math.ceil(fastest * period / LAW_STEP))
 
 
 def _order(x: float, tolerance: float) -> int:
-    """Return the least order whose remainder is below a tolerance for a substep of size x."""
+    """Return the lowest order with a remainder below a tolerance for a substep of size x."""
     powers = np.cumprod(np.r_[1.0, x / np.arange(1.0, 60.0)])  # x^k/k!
     remainders = np.cumsum(powers[::-1])[::-1]
     return int(np.argmax(remainders <= tolerance))
@@ -102,24 +110,26 @@ def _perron_root(model: Parametrization, lower: Array, upper: Array) -> float:
 
 def extended_system(model: Parametrization, theta: Array) -> tuple[Array, Array, Array]:
     """
-    Return the extended system of eq. (22), (23), one block z_i for each parameter.
+    Return the extended system of eq. (22), (23) with one block z_i for each parameter.
 
     Parameters
     ----------
     model : Parametrization
     theta : (p,) array
+        Identified parameters.
 
     Returns
     -------
     F : ((p+1)n, (p+1)n) array
-        Ẋ = F X + G u for X = [z_1; …; z_p; x].
+        System matrix of Ẋ = F X + G u for X = [z_1; …; z_p; x].
     G : ((p+1)n, 1) array
+        Input matrix.
     H : (p+1, (p+1)n) array
-        [ψ; ŷ] = H X.
+        Output matrix of [ψ; ŷ] = H X.
     """
     block, (p, n) = model.blocks(theta), (len(theta), model.n)
     F, H = np.zeros(((p + 1) * n, (p + 1) * n)), np.zeros((p + 1, (p + 1) * n))
-    for i, derivative in enumerate(np.roll(block, -1, axis=0)):  # the model itself comes last
+    for i, derivative in enumerate(np.roll(block, -1, axis=0)):  # the model itself is the last
         rows = slice(i * n, (i + 1) * n)
         F[rows, rows], H[i, rows] = block[0, :n, :n], block[0, n, :n]
         F[rows, -n:], H[i, -n:] = derivative[:n, :n], derivative[n, :n]
@@ -128,11 +138,11 @@ def extended_system(model: Parametrization, theta: Array) -> tuple[Array, Array,
 
 
 def discretize(F: Array, G: Array, period: float) -> tuple[Array, Array]:
-    """Return Φ, Γ of X[k+1] = Φ X[k] + Γ u[k], the input held over the sample."""
+    """Return Φ and Γ of X[k+1] = Φ X[k] + Γ u[k] for an input that is held over each sample."""
     from scipy.linalg import expm  # takes a tenth of a second to import
 
     N = len(F)
-    held = np.zeros((N + 1, N + 1))  # the input is one more state, which does not change
+    held = np.zeros((N + 1, N + 1))  # the input is an additional state, which is constant
     held[:N, :N], held[:N, N:] = F, G
     exponential = expm(held * period)
     return exponential[:N, :N], exponential[:N, N:]
@@ -155,14 +165,14 @@ def sampled_system(
     Returns
     -------
     transition : ((p+1)n, (p+1)n) array
-        Φ in X[k+1] = Φ X[k] + Γ u[k].
+        Matrix Φ in X[k+1] = Φ X[k] + Γ u[k].
     gain : ((p+1)n,) array
-        Γ.
+        Vector Γ.
     output : (p+1, (p+1)n) array
-        H in [ψ; ŷ] = H X.
+        Matrix H in [ψ; ŷ] = H X.
     """
     F, G, H = extended_system(model, np.asarray(theta, float))
     transition, gain = discretize(F, G, period)
-    # a state that starts every sample at zero has no influence on the next
+    # a state that is reset to zero at the start of every sample does not affect the next sample
     transition.reshape(len(F), -1, model.n)[:, :, list(model.reset)] = 0.0
     return np.ascontiguousarray(transition), gain[:, 0].copy(), H

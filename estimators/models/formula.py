@@ -1,4 +1,4 @@
-"""Read a formula such as ``"-(r^2*d_g + f_m)/J_m"`` as a sum of monomials c·Πθ^e."""
+"""Conversion of a formula such as ``"-(r^2*d_g + f_m)/J_m"`` to a sum of monomials c·Πθ^e."""
 
 import ast
 from collections.abc import Mapping
@@ -23,12 +23,12 @@ def multiply_out(entry: str) -> tuple[Monomial, ...]:
     Returns
     -------
     tuple of (coefficient, powers)
-        One pair for each term; powers maps names to integers. Empty for ``"0"``.
+        One pair for each term, where powers maps names to integer exponents; empty for ``"0"``.
 
     Raises
     ------
     EstimatorError
-        If the text is not such a formula.
+        If the string is not a formula of the supported form.
 
     Examples
     --------

@@ -1,10 +1,11 @@
 """
 The torque of each kind of law over a step, with its derivatives, in compiled code.
 
-Each function writes into ``local``: the torque F and its derivatives by the drive w and by the
-law's own state s; the state s⁺ at the end of the step and its derivatives by w and by s; from
-`ROLE` on the derivatives of F and s⁺ by the law's parameters, in pairs. w is the mean drive of the
-step. Laws and roles: `flexaxis.estimators.models.laws`.
+Each function writes into ``local``: the torque F and its derivatives with respect to the drive w
+and to s, the law's own state or its load; the state s⁺ at the end of the step and its derivatives
+with respect to w and s; and, from index `ROLE` on, the derivatives of F and s⁺ with respect to the
+law's parameters, in pairs. w is the mean drive over the step. `flexaxis.estimators.models.laws`
+defines laws and roles.
 """
 
 import numpy as np
@@ -16,10 +17,10 @@ from flexaxis.estimators.models.parametrization import F_S, F_W, ROLE, S_S, S_W,
 BRISTLE, STATIC, GEAR, SPRING, SINUSOID, CLIP = (
     KINDS.index(kind) for kind in ("bristle", "static", "gear", "spring", "sinusoid", "clip")
 )
-SMALL = 0.1  # below it the relaxation functions come from their series, to round-off
-FAST = 20.0  # of v/v_0, from which tanh is one to round-off
-NEAR = 1e-4  # of v/v_0, below which x/tanh x is its series to round-off
-LEAST = 1e-100  # [N m], least level of bristles: its inverse and the square of that are finite
+SMALL = 0.1  # largest a for which the relaxation functions are computed as series, to round-off
+FAST = 20.0  # value of v/v_0 above which tanh equals one within round-off
+NEAR = 1e-4  # value of v/v_0 below which x/tanh x equals its series within round-off
+LEAST = 1e-100  # N m, smallest friction level of bristles: 1/level and 1/level² remain finite
 
 
 @inlined
@@ -30,16 +31,18 @@ def force(kind, w, s, u, h, value, local):  # noqa: PLR0917
     Parameters
     ----------
     kind : int
+        Index of the kind in `KINDS`.
     w, s : float
-        Mean drive over the step, and the law's own state before the step, or its load.
+        Mean drive over the step, and the law's own state before the step or, for a loaded law, the
+        load.
     u : float
-        Input of the model, held over the step.
+        Input of the model, held constant over the step.
     h : float
         Length of the step [s].
     value : (R,) array
-        Parameters by role.
+        Parameters of the law, in the order of its roles.
     local : (w,) array
-        Overwritten.
+        Array that receives the results.
     """
     for i in range(len(local)):
         local[i] = 0.0
@@ -60,7 +63,7 @@ def force(kind, w, s, u, h, value, local):  # noqa: PLR0917
 @inlined
 def _bristle(v, p, h, value, local):
     """
-    Relax the torque p of the bristles exactly at a constant speed v, and return its mean as F.
+    Integrate the torque p of the bristles exactly at a constant speed v; F is its mean.
 
     With b = σ₀ h v, a = σ₀ h |v|/g and φ₁ = (1−e^−a)/a, φ₂ = (1−φ₁)/a:
     p⁺ = p e^−a + b φ₁, F = p φ₁ + b φ₂ + σ₁/σ₀ (p⁺−p)/h.
@@ -93,7 +96,7 @@ def _bristle(v, p, h, value, local):
 
 @inlined
 def _sliding(size, value):
-    """Return f_c + f_s exp(−(|v|/v_s)²) and its derivatives by |v|, f_s and v_s."""
+    """Return f_c + f_s exp(−(|v|/v_s)²) and its derivatives with respect to |v|, f_s and v_s."""
     f_c, f_s, v_s = value[0], value[1], value[2]
     bump, level_v, level_s = 0.0, 0.0, 0.0
     if v_s > 0.0:
@@ -106,7 +109,7 @@ def _sliding(size, value):
 
 @inlined
 def _softened(size, v_0):
-    """Return r = |v|/tanh(|v|/v_0), finite at rest, and its derivatives by |v| and v_0."""
+    """Return r = |v|/tanh(|v|/v_0), finite at rest, and its derivatives by |v| and by v_0."""
     if v_0 <= 0.0 or size > FAST * v_0:
         return size, 1.0, 0.0
     x = size / v_0
@@ -188,9 +191,9 @@ def _gear(v, twist, u, value, local):
 
 @inlined
 def _load(gear, motor, of_gear, of_motor):
-    """Return |L| of a load, and the signs of the torques of gear and motor in it."""
+    """Return |L| of a load L, and the derivatives of |L| by its two torques' contributions."""
     load = of_gear * gear + of_motor * motor
-    if load == 0.0:  # if both shares are zero, each can only grow
+    if load == 0.0:  # if both coefficients are zero, each of them can only grow
         return 0.0, 1.0 if gear >= 0.0 else -1.0, 1.0 if motor >= 0.0 else -1.0
     side = 1.0 if load > 0.0 else -1.0
     return abs(load), side, side
@@ -198,7 +201,7 @@ def _load(gear, motor, of_gear, of_motor):
 
 @inlined
 def _spring(x, value, local):
-    """F = d + κ d³ − x, with d the part of x outside the gap."""
+    """Compute F = d + κ d³ − x, where d is the part of x outside the gap."""
     kappa, half = value[0], 0.5 * value[1]
     d, side = 0.0, 0.0
     if x > half:
@@ -213,7 +216,7 @@ def _spring(x, value, local):
 
 @inlined
 def _sinusoid(angle, value, local):
-    """F = a sin(N φ) + b cos(N φ)."""
+    """Compute F = a sin(N φ) + b cos(N φ)."""
     a, b, poles = value[0], value[1], value[2]
     sine, cosine = np.sin(poles * angle), np.cos(poles * angle)
     local[F] = a * sine + b * cosine
@@ -224,7 +227,7 @@ def _sinusoid(angle, value, local):
 
 @inlined
 def _clip(u, value, local):
-    """F = u clipped to ± the limit, minus u."""
+    """Compute F, which is u clipped to ± the limit, minus u."""
     limit = value[0]
     if abs(u) > limit:
         side = 1.0 if u > 0.0 else -1.0

@@ -1,34 +1,35 @@
 """
-Nonlinear laws of an axis as data: a torque, its drive, where it acts, and its parameters.
+Nonlinear laws of an axis as data.
 
-A law adds F(w, θ), times a formula in the parameters, to the derivatives of some states. Its drive
-w is a linear combination of states, or the input. The kinds, with the roles of their parameters in
-brackets:
+A law describes a torque, its drive, the states on which the torque acts, and its parameters. A law
+adds F(w, θ), multiplied by a formula in the parameters, to the derivatives of some states. The
+drive w of the law is a linear combination of states, or the input. The kinds of law are listed
+here, with the roles of their parameters in brackets:
 
 bristle (coulomb, breakaway, stribeck, stiffness, damping, softness)
-    LuGre friction; its limit for stiff bristles is Coulomb friction. With the speed v and the
-    torque p of the bristles, ṗ = σ₀ [v − |v| p/g(v)], F = p + σ₁/σ₀ ṗ, and
-    g(v) = [f_c + f_s exp(−(v/v_s)²)] tanh(|v|/v_0). The last factor is one for v_0 = 0.
+    LuGre friction, which approaches Coulomb friction as the bristles become stiff. With the speed v
+    and the torque p of the bristles, ṗ = σ₀ [v − |v| p/g(v)], F = p + σ₁/σ₀ ṗ, and
+    g(v) = [f_c + f_s exp(−(v/v_s)²)] tanh(|v|/v_0). The factor tanh is one if v_0 = 0.
     C. Canudas de Wit, H. Olsson, K. J. Åström and P. Lischinsky, *A new model for control of
     systems with friction*, IEEE Trans. AC 40 (1995) 419–425.
 static (coulomb, breakaway, alpha, beta)
     F = [f_c + f_s/cosh(α v)] tanh(β v): E. Wernholt and S. Gunnarsson, *Nonlinear identification of
     a physically parameterized robot model*, SYSID 2006.
 spring (cubic, gap)
-    The difference of a spring of stiffness one from F = x: F = d + κ d³ − x, where d is the part of
-    x outside a gap of that width.
+    Difference between a nonlinear spring and a linear spring, both of stiffness one:
+    F = d + κ d³ − x, where d is the part of the twist x outside the gap.
 sinusoid (sine, cosine, poles)
-    F = a sin(N φ) + b cos(N φ), such as cogging, or gravity for N = 1.
+    Torque that is periodic in the angle, F = a sin(N φ) + b cos(N φ): cogging, or gravity if N = 1.
 gear (coulomb, breakaway, stribeck, sharpness, motor, external, motor_slow, external_slow,
 softness; input, stiffness, ratio)
     Friction that grows with the load of a gear,
     F = [f_c + |μ_e τ_g + μ_m τ_u| + (f_s + |μ_es τ_g + μ_ms τ_u|) exp(−|v/v_s|^α)] tanh(v/v_0),
     with τ_u = k_T u and τ_g = r k_g x. The twist x of the gear is the drive of the law ``spring``
-    of the model. Model M5 of M. Duclusaud, G. Passault, V. Padois and O. Ly, *Extended friction
-    models for the physics simulation of servo actuators*, arXiv:2410.08650; there the torque of the
-    gear has the other sign.
+    in the same model. This is model M5 of M. Duclusaud, G. Passault, V. Padois and O. Ly, *Extended
+    friction models for the physics simulation of servo actuators*, arXiv:2410.08650, where the
+    torque of the gear has the opposite sign.
 clip (limit)
-    F = u clipped to ± the limit, minus u.
+    Torque limit of the drive: F is u clipped to ± the limit, minus u.
 """
 
 from collections.abc import Mapping
@@ -46,20 +47,21 @@ class Role(NamedTuple):
     Attributes
     ----------
     size : str
-        Its unit size, a formula in sizes of `flexaxis.estimators.offline.structure`; empty for a
-        value that cannot be guessed.
+        Unit in which ``guess`` is expressed: a formula in the sizes defined by
+        `flexaxis.estimators.offline.structure`; empty if the value cannot be guessed.
     guess : (4,) tuple of float
-        Start of an estimate, its standard deviation, and the box, in unit sizes.
+        Initial estimate, its standard deviation, and its lower and upper bound, in units of
+        ``size``.
     signed : bool
-        Whether it may be below 0.
+        Whether the parameter may be negative.
     needed : bool
-        Whether it must be above 0.
+        Whether the parameter must be positive.
     told : bool
-        Whether it is known from a data sheet or absent.
+        Whether the parameter is taken from a data sheet instead of being learnt.
     fixable : bool
-        Whether it is fixed if the initialisation data do not excite it.
+        Whether the parameter is held constant if the initialisation data do not excite it.
     shared : bool
-        Whether it is a parameter of the linear model.
+        Whether the parameter also belongs to the linear model.
     """
 
     size: str = ""
@@ -78,15 +80,15 @@ class Kind(NamedTuple):
     Attributes
     ----------
     roles : mapping of str to Role
-        Its parameters, in the order of compiled code.
+        Parameters of the law, in the order used by compiled code.
     remembers : bool
-        Whether it has a state of its own.
+        Whether the law has a state of its own.
     rubs : bool
-        Whether it is friction, driven by a speed.
+        Whether the law describes friction, driven by a speed.
     loaded : bool
-        Whether it depends on a load, the drive of a law ``spring`` of the model.
+        Whether the torque depends on a load: the drive of a law ``spring`` in the same model.
     nominal : (drive, force, rate), optional
-        Its sizes on the nominal axis: `flexaxis.estimators.offline.structure`.
+        Sizes of the law on the nominal axis, see `flexaxis.estimators.offline.structure.Sizes`.
     """
 
     roles: Mapping[str, Role]
@@ -96,9 +98,10 @@ class Kind(NamedTuple):
     nominal: tuple[float, float, float] | None = None
 
 
-# Published and simulated axes lie within a deviation or two: an industrial robot's axis has
-# f_c .14, f_s .8 of the rms torque, and friction changes at .07 to .2 of the rms speed (Wernholt
-# and Gunnarsson 2006). Levels stay above 0, as bristles without strength have no stiffness.
+# Published and simulated axes lie within one or two standard deviations of these guesses. For the
+# axis of an industrial robot f_c is 0.14 and f_s 0.8 of the rms torque, and friction changes at
+# 0.07 to 0.2 of the rms speed (Wernholt and Gunnarsson 2006). The Coulomb level of bristles has a
+# positive lower bound, because bristles without strength have no stiffness.
 LAWS: Mapping[str, Kind] = {
     "bristle": Kind(
         {
@@ -127,7 +130,7 @@ LAWS: Mapping[str, Kind] = {
             "coulomb": Role("force", (0.05, 0.15, 0.0, 3.0)),
             "breakaway": Role("force", (0.02, 0.15, 0.0, 5.0)),
             "stribeck": Role("drive", (1.0, 1.0, 0.05, 20.0), needed=True),
-            "sharpness": Role("1", (2.0, 0.3, 0.5, 10.0), needed=True),  # that of bristles, about
+            "sharpness": Role("1", (2.0, 0.3, 0.5, 10.0), needed=True),  # 2 for bristles
             "motor": Role("1", (0.1, 0.15, 0.0, 1.0)),
             "external": Role("1", (0.1, 0.15, 0.0, 1.0)),
             "motor_slow": Role("1", (0.05, 0.15, 0.0, 1.0)),
@@ -161,7 +164,7 @@ LAWS: Mapping[str, Kind] = {
         nominal=(0.85, 0.85, 0.0),
     ),
 }
-"""All kinds of law; their torques are in `flexaxis.estimators.models.law_torques`."""
+"""All kinds of law; `flexaxis.estimators.models.law_torques` computes their torques."""
 KINDS = tuple(LAWS)
 MOST_ROLES = max(len(kind.roles) for kind in LAWS.values())
 INPUT = "input"
@@ -177,12 +180,12 @@ class Law:
     kind : str
         One of `KINDS`.
     drive : mapping of str to float
-        w, as factors of states or of ``"input"``.
+        Coefficients of the drive w, keyed by the names of states or ``"input"``.
     acts : mapping of str to str
-        For each state the formula that multiplies F in its derivative: ``"-1/J_m"`` for a torque
-        that brakes the motor.
+        Formulas that multiply F in the derivatives of states, keyed by the names of the states:
+        ``"-1/J_m"`` for a torque that brakes the motor.
     parameters : mapping of str to (str or float)
-        For each role the name of a parameter of the model, or a number; 0 by default.
+        Names of parameters of the model, or numbers, keyed by role; 0 by default.
 
     Raises
     ------
@@ -228,12 +231,12 @@ class Law:
 
     @property
     def roles(self) -> Mapping[str, Role]:
-        """Its roles by name."""
+        """Roles of the law's parameters, by name."""
         return LAWS[self.kind].roles
 
     @property
     def own(self) -> dict[str, str]:
-        """Names of its parameters by role, without those of the linear model."""
+        """Names of the law's parameters by role, without parameters of the linear model."""
         return {
             role: name
             for role, name in self.parameters.items()
@@ -242,26 +245,26 @@ class Law:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of its parameters in the model."""
+        """Names of the law's own parameters in the model."""
         return tuple(self.own.values())
 
     @property
     def shared(self) -> tuple[str, ...]:
-        """Names of parameters of the linear model on which its torque depends."""
+        """Names of the parameters of the linear model on which the law's torque depends."""
         named = [name for name in self.parameters.values() if isinstance(name, str)]
         return tuple(name for name in named if name not in self.names)
 
     @property
     def positive(self) -> tuple[str, ...]:
-        """Names of its parameters that must be above 0."""
+        """Names of the law's parameters that must be positive."""
         return tuple(name for role, name in self.own.items() if self.roles[role].needed)
 
     @property
     def nonnegative(self) -> tuple[str, ...]:
-        """Names of its parameters that must not be below 0."""
+        """Names of the law's parameters that must not be negative."""
         return tuple(name for role, name in self.own.items() if not self.roles[role].signed)
 
     @property
     def remembers(self) -> bool:
-        """Whether it has a state of its own."""
+        """Whether the law has a state of its own."""
         return LAWS[self.kind].remembers

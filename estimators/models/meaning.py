@@ -1,8 +1,8 @@
 """
-The meaning of the parameters of a model, from their places rather than from their names.
+The meaning of a model's parameters, derived from their positions in the model, not their names.
 
-Coulomb friction is the parameter of a law in that role. Springs and dampers couple states and are
-divided by an inertia.
+For example, Coulomb friction is the parameter with the role ``coulomb`` in a law, and the
+parameters of springs and dampers couple states and are divided by an inertia.
 """
 
 from collections.abc import Sequence
@@ -16,15 +16,15 @@ from flexaxis.estimators.models.laws import LAWS
 from flexaxis.estimators.models.model import Model
 
 LEVELS = ("coulomb", "breakaway", "motor", "external", "motor_slow", "external_slow")
-"""Roles of a friction law that has no effect if all of them are zero."""
+"""Roles of friction levels: a friction law has no effect if all these parameters are zero."""
 LEARNT = ("k_g", "J_m", "k_a", "d_g", "d_a")
-"""The structure of the three-mass axis, in the order of estimates; that of others follows it."""
+"""Structural parameters of the three-mass axis in the order of the estimates; others follow."""
 
 
 def shapes_of_friction(
     model: Model, names: Sequence[str]
 ) -> dict[tuple[str, ...], tuple[str, ...]]:
-    """Return the levels of each friction law among names, and its parameters of shape."""
+    """Return the shape parameters of each friction law with parameters in names, by its levels."""
     shapes = {}
     for law in model.laws:
         levels = [law.own[role] for role in LEVELS if law.own.get(role) in names]
@@ -36,10 +36,11 @@ def shapes_of_friction(
 
 def fixable(model: Model) -> tuple[str, ...]:
     """
-    Return parameters that are fixed if the initialisation does not excite them.
+    Return the parameters that are held constant if the initialisation data do not excite them.
 
-    These are the structure, backlash and nonlinear springs. Friction is tracked, and cogging shows
-    at any speed.
+    These are the structural parameters and the parameters of backlash and nonlinear springs.
+    Friction parameters are not included because they are tracked, and cogging parameters are not
+    included because cogging is visible at any speed.
     """
     laws = (n for law in model.laws for role, n in law.own.items() if law.roles[role].fixable)
     return (*structure(model), *laws)
@@ -49,9 +50,11 @@ def structure(model: Model) -> tuple[str, ...]:
     """
     Return the parameters of a linear model that are learnt once: springs, dampers and one inertia.
 
-    They are computed rather than measured, and do not change in use. Springs and dampers act
-    between states. If there are any, so is the inertia on which the input acts: the modes weigh it
-    against the others. A single inertia leaves the scale of all torques open.
+    The nominal values of these parameters are usually computed and not measured, and the
+    parameters do not change in use. Springs and dampers act between states. If the model contains
+    springs or dampers, the inertia on which the input acts is included, because the modes determine
+    its ratio to the other inertias. A model with a single inertia leaves the scale of all torques
+    undetermined.
     """
     n, terms = len(model.states), list(replace(model, laws=()).monomials())
     springs, inertias = [], []
@@ -69,26 +72,27 @@ def structure(model: Model) -> tuple[str, ...]:
 
 NEAR = 2.5
 """
-Factor within which the poles of a model agree with those of a named axis.
+Largest ratio between the poles of a model and of a named axis that count as the same.
 
-A start at half or twice the truth is still that axis. The motor of the stress case "n2" coasts 11
-times as long as that of "n1".
+A model with parameters at half or twice the true values still counts as the same axis. For
+comparison, the motor of the stress case "n2" coasts 11 times as long as the motor of "n1".
 """
-STARTED = 4.0  # largest factor between the start of an identified parameter and its nominal value
-SAME = 1e-9  # relative tolerance of all other values
+STARTED = 4.0  # largest ratio between the start of an identified parameter and its nominal value
+SAME = 1e-9  # relative tolerance for the values of all other parameters
 
 
 def is_axis(model: Model, name: str, identify: Sequence[str]) -> bool:
     """
-    Return whether a model is a named axis, in its units.
+    Return whether a model has the matrices, parameter values and units of a named axis.
 
     Parameters
     ----------
     model : Model
     name : str
-        ``"n1"``.
+        Name of the axis; only ``"n1"`` exists.
     identify : sequence of str
-        Parameters, or inverses, whose values are where an estimate starts.
+        Identified parameters, or their inverses. Their nominal values are initial estimates and may
+        therefore differ from the values of the named axis.
     """
     named = _axis(name)
     tables = ("states", "A", "B", "C", "reset")
@@ -104,13 +108,13 @@ def is_axis(model: Model, name: str, identify: Sequence[str]) -> bool:
 
 def moves_as(model: Model, name: str) -> bool:
     """
-    Return whether a model has about the poles of a named axis, in whatever units.
+    Return whether a model has approximately the same poles as a named axis, in any units.
 
     Parameters
     ----------
     model : Model
     name : str
-        As for `is_axis`.
+        Name of the axis, as in `is_axis`.
     """
     rates, reference = (np.sort(np.abs(_poles(m))) for m in (model, _axis(name)))
     if len(rates) != len(reference) or not rates.all():
@@ -119,13 +123,13 @@ def moves_as(model: Model, name: str) -> bool:
 
 
 def moving_poles(model: Model) -> NDArray[np.complex128]:
-    """Return the poles [1/s] of the linear part of a model, without those at zero."""
+    """Return the poles [1/s] of a model's linear part, except those with a real part of zero."""
     poles = _poles(replace(model, laws=()))
     return poles[np.abs(poles.real) > 1e-6 * np.abs(poles).max(initial=0.0)]
 
 
 def named_values(name: str, identify: Sequence[str]) -> NDArray[np.float64]:
-    """Return θ (p,) of a named axis [SI]; NaN for parameters that it lacks."""
+    """Return θ (p,) of a named axis [SI], with NaN for parameters that the axis does not have."""
     values = _axis(name).nominal
     return np.array(
         [
@@ -136,7 +140,7 @@ def named_values(name: str, identify: Sequence[str]) -> NDArray[np.float64]:
 
 
 def _axis(name: str) -> Model:
-    """Return a named axis: the nominal one of the benchmark is the only one."""
+    """Return a named axis; the nominal axis of the benchmark is the only one."""
     return {"n1": three_mass(N1)}[name]
 
 

@@ -1,8 +1,8 @@
 """
-The memory of a filter: its arrays in one block, by name.
+The memory of a filter: named arrays in one block.
 
-Python hands a block to compiled code, which makes views of its arrays: that costs less than handing
-over fifty arrays. A filter is copied, pickled and reset as one array.
+Python passes a block to compiled code, which creates views of the arrays in the block. Passing one
+block takes less time than passing fifty arrays. A filter is copied, pickled and reset as one array.
 """
 
 from collections.abc import Callable, Mapping
@@ -12,9 +12,9 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
-DIMENSIONS = 3  # at most
+DIMENSIONS = 3  # largest number of dimensions of an array
 Vector = Annotated[NDArray[np.float64], np.dtype(float), 1]
-"""Annotates a field of a NamedTuple for `views`: type and number of dimensions of an array."""
+"""Annotation of a NamedTuple field for `views`: type and number of dimensions of the array."""
 Matrix = Annotated[NDArray[np.float64], np.dtype(float), 2]
 Cube = Annotated[NDArray[np.float64], np.dtype(float), 3]
 Indices = Annotated[NDArray[np.int64], np.dtype(np.int64), 1]
@@ -22,21 +22,23 @@ Indices = Annotated[NDArray[np.int64], np.dtype(np.int64), 1]
 
 class Memory:
     """
-    Arrays in sequence in one block.
+    A sequence of named arrays in one block.
 
     Parameters
     ----------
     arrays : mapping of str to array
-        Arrays of float64, int64 or records of these. The first one may be ``now``, of one or more
-        records: their fields can be read and written by name as well.
+        Arrays of float64, of int64 or of records of these types. If an array is called ``now``, the
+        fields of its records can also be read and written by name.
     times : int, optional
-        Number of such blocks, as rows. Arrays then have one more dimension, the first.
+        Number of copies of the arrays, stored as rows of ``block``; each array then has an
+        additional first dimension.
 
     Attributes
     ----------
     block : (size,) or (times, size) array
+        Content of all arrays.
     at : (fields, 4) int array
-        Start of each array in a block, and its shape, padded with 1.
+        Start and shape of each array in a block; the shape is padded with 1.
     """
 
     def __init__(self, arrays: Mapping[str, NDArray[Any]], times: int | None = None) -> None:
@@ -67,12 +69,12 @@ class Memory:
         (self._content if name in self._names else self._now)[name] = value
 
     def copy(self) -> "Memory":
-        """Return the same arrays in another block."""
+        """Return a copy of the arrays in a new block."""
         return deepcopy(self)
 
 
 def numbers(kind: np.dtype, values: Mapping[str, Any]) -> NDArray[np.void]:
-    """Return a record (1,) of a type with these values, and zero elsewhere."""
+    """Return a record (1,) of a type with the values given; all other fields are zero."""
     made = np.zeros(1, kind)
     for name, value in values.items():
         made[name] = value
@@ -86,10 +88,10 @@ def views(kind: Any, block: NDArray[np.float64], at: NDArray[np.int64]) -> Any:
     Parameters
     ----------
     kind : class
-        The NamedTuple. Each of its fields is an array, annotated as `Vector` is, or another such
-        NamedTuple. The block has the arrays in this order.
+        Class of the NamedTuple. Each field of the class is an array, annotated in the same way as
+        `Vector`, or another such NamedTuple. The block contains the arrays in this order.
     block, at
-        As of `Memory`.
+        Attributes of a `Memory`.
     """
     rows = iter(range(len(at)))
 
@@ -102,10 +104,10 @@ def views(kind: Any, block: NDArray[np.float64], at: NDArray[np.int64]) -> Any:
 
 
 def _view(dtype: np.dtype, dimensions: int) -> Callable:
-    """Return a function of block, ``at`` and row, also to be compiled, that returns one view."""
+    """Return a function of block, ``at`` and row, in Python or compiled, that returns one view."""
     words = dtype.itemsize // 8
 
-    # A compiled function that counts no references may return a view only in a tuple.
+    # A compiled function without reference counting can return a view only in a tuple.
     def view(block, at, i):
         start, a, b, c = at[i, 0], at[i, 1], at[i, 2], at[i, 3]
         flat = block[start : start + a * b * c * words].view(dtype)

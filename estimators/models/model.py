@@ -1,9 +1,10 @@
 """
 A grey-box model as data: A, B and C as tables of readable entries, and nonlinear laws.
 
-Every entry is a formula in the physical parameters, such as ``"-(r^2*d_g + f_m)/J_m"``. It is
-multiplied out once into monomials ``c·Πθ^e``. The matrices at any θ, their derivatives and the
-tables of the compiled filters follow from these, for any choice of identified parameters.
+Every entry is a formula in the physical parameters, such as ``"-(r^2*d_g + f_m)/J_m"``. Each
+formula is multiplied out into monomials ``c·Πθ^e``. The matrices at any θ, their derivatives and
+the tables of the compiled filters are computed from these monomials, for any choice of identified
+parameters.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -20,19 +21,20 @@ from flexaxis.estimators.models.parametrization import Parametrization, acting
 @dataclass(frozen=True)
 class Model:
     """
-    ẋ = A x + B u, y = C x, with entries that are formulas in physical parameters.
+    The model ẋ = A x + B u, y = C x, with entries that are formulas in physical parameters.
 
-    Its `laws` add their torques to the derivatives of some states. The own states of laws, such as
-    the torque of bristles, follow those of the model.
+    The `laws` add their torques to the derivatives of some states. Some laws have a state of their
+    own, such as the torque of bristles; these states follow the states of the linear model.
 
     Parameters
     ----------
     name : str
-        Name of the model in messages.
+        Name of the model, used in messages.
     states : sequence of str
         Names of the n states.
     A : sequence of n rows of n str
-        Entries of A; ``+ - * /``, integer powers (``^`` or ``**``), brackets, names, numbers.
+        Entries of A: formulas with names, numbers, ``+ - * /``, integer powers (``^`` or ``**``)
+        and brackets.
     B, C : sequence of n str
         Entries of the column B and of the row C.
     nominal : mapping
@@ -40,11 +42,12 @@ class Model:
     reset : sequence of str
         States that are set to zero, with their sensitivities, at the start of every sample.
     positive, nonnegative, nonzero : sequence of str
-        Parameters whose nominal value must be above 0, not below it, or not 0.
+        Names of the parameters with a nominal value that must be positive, must not be negative, or
+        must not be zero.
     identify : sequence of str
         Parameters that are identified by default.
     fixed : sequence of str
-        Parameters that cannot change, such as a gear ratio: no detector suspects them.
+        Parameters that cannot change, such as a gear ratio; detectors do not test them for changes.
     laws : sequence of Law
         Nonlinear laws; see `flexaxis.estimators.models.laws`.
 
@@ -127,7 +130,7 @@ class Model:
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """Physical parameters of entries and laws, in the order of ``nominal``."""
+        """Physical parameters used in entries and laws, in the order of ``nominal``."""
         used = {name for *_, (_, powers) in self.monomials() for name in powers}
         used |= self.law_parameters
         order = list(self.nominal)
@@ -138,20 +141,20 @@ class Model:
 
     @property
     def _remembering(self) -> int:
-        """Number of own states of laws."""
+        """Number of states that belong to laws."""
         return sum(law.remembers for law in self.laws)
 
     @property
     def law_parameters(self) -> frozenset[str]:
-        """Parameters of laws, which may be zero."""
+        """Names of the laws' parameters, which may have the value zero."""
         return frozenset(name for law in self.laws for name in law.names)
 
     def monomials(self) -> Iterator[tuple[int, int, Monomial]]:
         """
-        Row, column and monomial of every term of the block matrix [A B; C 0].
+        Yield row, column and monomial of every term of the block matrix [A B; C 0].
 
-        The states are followed by the own states of laws, which the matrix does not change, and by
-        the torque of each law, whose column has the entries where the law acts.
+        The states of the linear model are followed by the states of the laws, which have no terms,
+        and by the torque of each law. The column of a torque contains the formulas in ``acts``.
         """
         more = ["0"] * (self._remembering + len(self.laws))
         rows = [[*row, *more, b] for row, b in zip(self.A, self.B, strict=True)]
@@ -166,13 +169,13 @@ class Model:
 
     def parametrize(self, identify: Sequence[str] | None = None) -> "Parametrization":
         """
-        Choose the parameters to identify; all others are replaced by their values.
+        Choose the parameters to identify; all others are replaced by their nominal values.
 
         Parameters
         ----------
         identify : sequence of str, optional
-            Physical parameters by name, ``"J_a"``, or their inverses, ``"1/J_a"``; the model's own
-            choice by default.
+            Names of physical parameters, such as ``"J_a"``, or their inverses, such as ``"1/J_a"``;
+            the model's attribute ``identify`` by default.
 
         Returns
         -------
@@ -182,7 +185,7 @@ class Model:
         Raises
         ------
         EstimatorError
-            If a name is unknown, is given twice, or nothing is given.
+            If a name is unknown, a parameter is listed twice, or no parameter is listed.
         """
         identify = self.identify if identify is None else identify
         shared = {parameter for law in self.laws for parameter in law.shared}

@@ -1,7 +1,7 @@
 """
-A model as a function of the parameters that are identified: its terms c·Πθ^e.
+A model as a function of the identified parameters: a sum of terms c·Πθ^e.
 
-Its laws are records, for compiled code.
+The laws of the model are stored as records for compiled code.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,7 +16,7 @@ from flexaxis.estimators.models.laws import INPUT, KINDS, LAWS, MOST_ROLES, Law
 Array = NDArray[np.float64]
 
 F, F_W, F_S, S, S_W, S_S, ROLE = range(7)
-"""Places in ``local``, see `flexaxis.estimators.models.law_torques`."""
+"""Indices into ``local``, see `flexaxis.estimators.models.law_torques`."""
 LAW = np.dtype(
     [("kind", int), ("memory", int), ("load", int)]
     + [(name, float) for name in ("force", "offset", "change", "reach")]
@@ -24,21 +24,26 @@ LAW = np.dtype(
     + [("roles", float, MOST_ROLES), ("local", float, ROLE + 2 * MOST_ROLES)]
 )
 """
-A law as a record: its place in `KINDS`; its own state and the law that loads it, −1 for none; the
-last torque and numbers of the search of a step, see `reaction`; for each role the index of its θ_i,
-−1 for none, with a factor of θ_i or its value; parameters at θ; torque and derivatives.
+A law as a record.
+
+``kind`` is the index in `KINDS`. ``memory`` and ``load`` are the indices of the law's own state and
+of the law that acts as its load, or −1. ``force`` is the last torque; ``offset``, ``change`` and
+``reach`` are used by the search in `reaction`. For each role, ``parameter`` is the index of a θ_i
+and ``value`` a factor of θ_i; if ``parameter`` is −1, ``value`` is the value of the parameter.
+``roles`` contains the parameters at θ, and ``local`` the torque and its derivatives.
 """
 
 
 class Acting(NamedTuple):
     """
-    The laws of a model as records for compiled code, in θ or relative parameters.
+    The laws of a model as records for compiled code, as functions of θ or of relative parameters.
 
     Attributes
     ----------
     records : (L,) records
+        Laws, of type `LAW`.
     drive : (L, n+1) array
-        Drive w of each law, as factors of the n states and of the input.
+        Coefficients of the n states and of the input in the drive w of each law.
     """
 
     records: NDArray[np.void]
@@ -58,16 +63,18 @@ def acting(
     identify: Sequence[str],
 ) -> Acting:
     """
-    Return laws as records for compiled code.
+    Convert laws to records for compiled code.
 
     Parameters
     ----------
     laws : sequence of Law
     states : sequence of str
-        States of the model; the own states of the laws follow them, in the order of the laws.
+        Names of the states of the linear model. The states of the laws follow these states, in the
+        order of the laws.
     nominal : mapping of str to float
+        Nominal values of the parameters.
     identify : sequence of str
-        The identified parameters.
+        Names of the identified parameters.
     """
     records, kinds = np.zeros(len(laws), LAW), [law.kind for law in laws]
     records["parameter"] = records["memory"] = records["load"] = -1
@@ -100,24 +107,24 @@ class Parametrization:
     Attributes
     ----------
     names : tuple of str
-        The identified parameters.
+        Names of the p identified parameters.
     theta : (p,) array
-        Their nominal values.
+        Nominal values of the identified parameters.
     n : int
-        Number of states.
+        Number of states, including the states and the torques of laws.
     row, column : (t,) int arrays
-        Place of each term in the (n+1, n+1) block matrix.
+        Position of each term in the (n+1, n+1) block matrix.
     coefficient : (t,) array
-        Factor c of each term, with all parameters that are not identified multiplied in.
+        Factor c of each term, including the powers of all parameters that are not identified.
     exponent : (t, p) int array
-        Powers of θ in each term.
+        Exponent of each θ_i in each term.
     reset : tuple of int
-        States that are zero at the start of every sample.
+        Indices of the states that are set to zero at the start of every sample.
     laws : Acting
-        Its nonlinear laws. Their torques are the last states of the matrix, which the linear part
-        holds over a step.
+        Nonlinear laws. The torques of the laws are the last states of the matrix; the linear part
+        holds these torques constant over a step.
     additive : tuple of bool
-        Which θ_i are parameters of laws, and may be zero.
+        For each θ_i, whether the parameter belongs to a law and may therefore be zero.
     """
 
     names: tuple[str, ...]
@@ -133,22 +140,22 @@ class Parametrization:
 
     @property
     def forces(self) -> int:
-        """Number of laws, whose torques are the last states of the matrix."""
+        """Number of laws, which equals the number of torques among the states of the matrix."""
         return len(self.laws.records)
 
     @property
     def states(self) -> int:
-        """Number of states, with the own states of laws and without their torques."""
+        """Number of states, including the states of laws but not the torques of laws."""
         return self.n - self.forces
 
     def relative(self, scale: ArrayLike) -> "Parametrization":
         """
-        Return the same model as a function of θ/scale, without units and signs of θ.
+        Return the same model as a function of θ/scale, which has no units.
 
         Parameters
         ----------
         scale : (p,) array_like
-            One value for each parameter, none of them zero.
+            Nonzero scale of each parameter, in the unit of the parameter.
         """
         scale = np.asarray(scale, float)
         factor = np.prod(scale ** self.exponent.astype(float), axis=1)
@@ -161,7 +168,7 @@ class Parametrization:
 
     def blocks(self, theta: ArrayLike) -> Array:
         """
-        Return the block matrix [A B; C 0] at θ and its p derivatives, (1+p, n+1, n+1).
+        Return the block matrix [A B; C 0] at θ and its p derivatives, of shape (1+p, n+1, n+1).
 
         Parameters
         ----------

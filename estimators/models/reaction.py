@@ -1,10 +1,11 @@
 """
-The torques of laws in a step of a model: held over the step, and solved together implicitly.
+The torques of the laws in a step of a model, held constant over the step and solved implicitly.
 
-Over a step of length h the linear part is exact for held torques F, x⁺ = Φ x + Γ_u u + Γ_F F. Every
-law takes the mean of its drive at both ends, w̄ = ½ D (x + x⁺), so that w̄ = c + G F(w̄) with
-c = ½ D (x + Φ x + Γ_u u) and G = ½ D Γ_F. The scheme is of second order, and stable however stiff
-friction is. Its derivatives are exact, from (I − G F_w) w̄' = c' + G' F + G (F_s s' + F_θ).
+Over a step of length h the linear part is exact for constant torques F, x⁺ = Φ x + Γ_u u + Γ_F F.
+Every law uses the mean of its drive at both ends of the step, w̄ = ½ D (x + x⁺). Therefore
+w̄ = c + G F(w̄) with c = ½ D (x + Φ x + Γ_u u) and G = ½ D Γ_F. The equations of all laws are solved
+together. The scheme is of second order, and stable for any stiffness of the friction. The
+derivatives are exact; they follow from (I − G F_w) w̄' = c' + G' F + G (F_s s' + F_θ).
 """
 
 import numpy as np
@@ -15,20 +16,21 @@ from flexaxis.estimators.models.laws import MOST_ROLES
 from flexaxis.estimators.models.parametrization import F_S, F_W, ROLE, S_S, S_W, F, S
 from flexaxis.estimators.models.rows import add, add_slopes
 
-MOST_STEPS = 100  # of the search; usually two or three suffice
-TURNS = 6  # steps of Newton's method, after which falling laws count as flat: between two solutions
-# it wanders, and each step doubles the rounding error
-CLOSE = 1e-3  # of w̄, a step so small that Newton's method may finish the search
-AWAY = 8.0  # largest step of Newton's method after that, over the step before: 2 of 60 000 steps of
-# steep bristles stay unsolved; 11 with a limit of 1; without one, rounding errors grow by 10⁸
-CONVERGED = 1e-7  # of w̄, the last step: the error of Newton's method is the square of it
-LEAST = 1e-150  # least scale: it and its square can be divided by
-LEAST_SHARE = 1 / 64  # least part of a step that is taken if steps turn back without shrinking
+MOST_STEPS = 100  # largest number of steps of the search; two or three usually suffice
+TURNS = 6  # steps of Newton's method after which falling laws are treated as flat: between two
+# solutions the method does not converge, and each step doubles the rounding error
+CLOSE = 1e-3  # step size relative to w̄ below which Newton's method may finish the search
+AWAY = 8.0  # largest ratio of successive steps of Newton's method after that: of 60 000 steps with
+# steep bristles 2 remain unsolved, or 11 if the limit is 1; without a limit, rounding errors grow
+# by a factor of 10⁸
+CONVERGED = 1e-7  # last step relative to w̄; the relative error is about the square of this value
+LEAST = 1e-150  # smallest scale: dividing by the scale or by its square does not overflow
+LEAST_SHARE = 1 / 64  # smallest fraction of a step if the steps reverse without becoming smaller
 
 
 @fused
 def drives(drive, X, u, w):
-    """Write the drives w (L, lanes) by states X (≥ n, lanes) and input, with derivatives."""
+    """Compute the drives w (L, lanes) and derivatives from the states X (≥ n, lanes) and input."""
     n = drive.shape[1] - 1
     for i in range(len(drive)):
         w[i] = 0.0
@@ -40,7 +42,7 @@ def drives(drive, X, u, w):
 
 @inlined
 def assign(laws, theta):
-    """Write the parameters of laws by role, at θ."""
+    """Write the parameters of all laws at θ, in the order of their roles."""
     for i in range(len(laws)):
         law = laws[i]
         for r in range(MOST_ROLES):
@@ -50,7 +52,7 @@ def assign(laws, theta):
 
 @inlined
 def couple(drive, response, gain):
-    """Write G = ½ D Γ_F."""
+    """Compute the matrix G = ½ D Γ_F."""
     for i in range(len(gain)):
         for j in range(len(gain)):
             gain[i, j] = 0.0
@@ -61,25 +63,27 @@ def couple(drive, response, gain):
 @fused
 def react(laws, drive, square, lanes, h, response, u, X):  # noqa: PLR0917
     """
-    Add the effect of the laws to a step, with derivatives.
+    Add the effect of the laws, with derivatives, to the states after a step.
 
     Parameters
     ----------
     laws : (L,) records
-        With their parameters at θ.
+        Laws with their parameters at θ.
     drive : (L, n+1) array
-        For n states and the input.
+        Coefficients D of the n states and of the input in the drives of the laws.
     square : (3, L, L) array
-        G, I − G F_w and its inverse; only G is read.
+        Matrices G, I − G F_w and (I − G F_w)⁻¹; G is an input, the others are overwritten.
     lanes : (3, L, lanes) array
-        Drives before the step, w̄ and F, with derivatives; only the first are read.
+        Drives before the step, mean drives w̄ and torques F, all with derivatives; the first are an
+        input, the others are overwritten.
     h : float
         Length of the step [s].
     response : (L, N, lanes) array
-        Γ_F: the change of each row by a torque of one, held over the step.
+        Γ_F: the change of each row of X caused by a torque of one that is held over the step.
     u : float
+        Input, held over the step.
     X : (N, lanes) array
-        States and output after the step, without laws; corrected here.
+        States and output after the step, computed without laws and corrected by this function.
     """
     before, mean, torque = lanes[0], lanes[1], lanes[2]
     gain, inverse = square[0], square[2]
@@ -103,7 +107,7 @@ def react(laws, drive, square, lanes, h, response, u, X):  # noqa: PLR0917
 
 @fused
 def _differentiate(laws, drive, gain, inverse, response, X, mean, torque):  # noqa: PLR0917
-    """Write w̄' into ``mean``, as (I − G F_w) w̄', and F' into ``torque``; not their first lanes."""
+    """Write (I − G F_w) w̄' into ``mean`` and F' into ``torque``; keep the first lane of both."""
     L = len(laws)
     for i in range(L):
         law = laws[i]
@@ -126,7 +130,7 @@ def _differentiate(laws, drive, gain, inverse, response, X, mean, torque):  # no
 
 @fused
 def _add_parameters(law, which, A, i):
-    """Add to A_i the derivatives by the parameters of a law, of its torque (0) or state (1)."""
+    """Add to A_i the derivatives of a law's torque (0) or state (1) by the law's parameters."""
     for r in range(MOST_ROLES):
         if law["parameter"][r] >= 0:
             A[i, 1 + law["parameter"][r]] += law["local"][ROLE + 2 * r + which] * law["value"][r]
@@ -134,7 +138,7 @@ def _add_parameters(law, which, A, i):
 
 @fused
 def _remember(laws, inverse, mean, X):
-    """Integrate the own states of laws over the step, and keep their torques."""
+    """Integrate the states of the laws over the step, and store the torques of the laws."""
     for i in range(len(laws)):
         law = laws[i]
         law["force"] = law["local"][F]
@@ -151,13 +155,13 @@ def _remember(laws, inverse, mean, X):
 @inlined
 def _search(laws, h, u, X, gain, jacobian, inverse, mean):  # noqa: PLR0917
     """
-    Solve w̄ = c + G F(w̄) by Newton's method, from the torques of the step before.
+    Solve w̄ = c + G F(w̄) by Newton's method, starting with the torques of the previous step.
 
     If friction falls steeply with speed, there may be several solutions and none near the start.
-    Then w̄ follows its residual, usually to the next stable solution.
+    In that case w̄ moves in the direction of the residual, usually to the next stable solution.
 
-    ``mean[:, 0]`` holds c, and w̄ afterwards; ``local`` of each law is then at w̄, and ``inverse`` is
-    (I − G F_w)⁻¹.
+    ``mean[:, 0]`` contains c at the start and w̄ at the end. At the end, ``local`` of each law is
+    evaluated at w̄, and ``inverse`` contains (I − G F_w)⁻¹.
     """
     L = len(laws)
     for i in range(L):
@@ -168,7 +172,7 @@ def _search(laws, h, u, X, gain, jacobian, inverse, mean):  # noqa: PLR0917
             mean[i, 0] += gain[i, j] * laws[j]["force"]
             law["reach"] += abs(gain[i, j] * laws[j]["force"])
     for i in range(L):
-        laws[i]["force"] = 0.0  # stores steps during the search
+        laws[i]["force"] = 0.0  # used to store the last step during the search
     last, share, lost, ended = np.inf, 1.0, False, False
     for n in range(MOST_STEPS):
         for i in range(L):
@@ -185,12 +189,12 @@ def _search(laws, h, u, X, gain, jacobian, inverse, mean):  # noqa: PLR0917
             break
         size = _newton(laws, gain, inverse, mean)
         if n > TURNS and not flat and size > AWAY * last:
-            lost = True  # there is no solution so near, or one at the edge of a steep fall
+            lost = True  # no solution is so near, or the solution is at the edge of a steep fall
             continue
         if flat:
             share = _kept_share(laws, share)
         else:
-            # a share s of a step leaves 1 − s of the way if the laws are linear there
+            # after a fraction s of a step, 1 − s of the distance remains if the laws are linear
             shrinks = size <= (1.0 - 0.5 * share) * last
             share = min(1.0, 2.0 * share) if shrinks else max(0.5 * share, LEAST_SHARE)
         last, ended = size, size <= CONVERGED
@@ -200,7 +204,7 @@ def _search(laws, h, u, X, gain, jacobian, inverse, mean):  # noqa: PLR0917
 
 @inlined
 def _differences(laws, gain, flat, jacobian):
-    """Write I − G F_w; if laws count as flat, without the slopes that cause two solutions."""
+    """Write I − G F_w; if ``flat``, omit the slopes that cause several solutions."""
     L = len(laws)
     for j in range(L):
         slope = laws[j]["local"][F_W]
@@ -216,7 +220,7 @@ def _differences(laws, gain, flat, jacobian):
 
 @inlined
 def _kept_share(laws, share):
-    """Return the share of a step while laws count as flat: less after a turn. Keep the step."""
+    """Return the fraction of a flat step to take, smaller after a reversal; store the step."""
     forth = 0.0
     for i in range(len(laws)):
         law = laws[i]
@@ -227,7 +231,7 @@ def _kept_share(laws, share):
 
 @inlined
 def _newton(laws, gain, inverse, mean):
-    """Write the step of Newton's method, and return its size relative to the terms of w̄."""
+    """Write the step of Newton's method, and return the size of the step relative to w̄."""
     L, size = len(laws), 0.0
     for i in range(L):
         laws[i]["change"] = 0.0
@@ -245,7 +249,7 @@ def _newton(laws, gain, inverse, mean):
 
 @inlined
 def _invert(A, B):
-    """Write the inverse B of a small matrix A by Gauss–Jordan with pivots; A is overwritten."""
+    """Write the inverse of A into B by Gauss–Jordan elimination with pivots; overwrite A."""
     n = len(A)
     for i in range(n):
         for j in range(n):

@@ -1,8 +1,8 @@
 """
 Operations on rows of a matrix, four numbers at a time; the length of a row is a multiple of four.
 
-Their loops become vector instructions. Indices are unsigned, because numba checks signed ones for
-negative values and then makes no vectors.
+The compiler turns the loops into vector instructions. Indices are unsigned, because numba checks
+signed indices for negative values, which prevents vectorisation.
 """
 
 from functools import partial
@@ -14,17 +14,17 @@ from flexaxis.estimators.models.compiler import Compiled
 ZERO, ONE, TWO, THREE, FOUR = (np.uint64(i) for i in range(5))
 
 
-_on_rows = partial(Compiled, fastmath={"contract"}, forceinline=True)  # into each of its callers
+_on_rows = partial(Compiled, fastmath={"contract"}, forceinline=True)  # inlined by all callers
 
 
 def padded(m: int) -> int:
-    """Return the length of a row for m numbers."""
+    """Return the row length for m numbers: m rounded up to a multiple of four."""
     return -4 * (-m // 4)
 
 
 @_on_rows
 def copy(A, i, B, j):
-    """A_i ← B_j."""
+    """Copy a row: A_i ← B_j."""
     i, j = np.uint64(i), np.uint64(j)
     for b in range(ZERO, np.uint64(A.shape[1]), FOUR):
         p, q, r, s = B[j, b], B[j, b + ONE], B[j, b + TWO], B[j, b + THREE]
@@ -33,7 +33,7 @@ def copy(A, i, B, j):
 
 @_on_rows
 def add(A, i, m, B, j):
-    """A_i ← A_i + m B_j."""
+    """Add a multiple of a row: A_i ← A_i + m B_j."""
     i, j = np.uint64(i), np.uint64(j)
     for b in range(ZERO, np.uint64(A.shape[1]), FOUR):
         p, q, r, s = A[i, b], A[i, b + ONE], A[i, b + TWO], A[i, b + THREE]
@@ -44,7 +44,7 @@ def add(A, i, m, B, j):
 
 @_on_rows
 def add_slopes(A, i, m, B, j):
-    """Do as `add`, but keep the first number of the row, the value of its derivatives."""
+    """Add derivatives as `add` does, but keep the first number of row A_i, the value itself."""
     if m != 0.0:
         value = A[i, 0]
         add(A, i, m, B, j)
@@ -53,7 +53,7 @@ def add_slopes(A, i, m, B, j):
 
 @_on_rows
 def product(A, i, M, at, column, B, first, step, count):  # noqa: PLR0917
-    """A_i ← Σ_j M_(at + j, column) B_(first + j step) over ``count`` values of j."""
+    """Compute A_i ← Σ_j M_(at + j, column) B_(first + j step) for j = 0 … ``count`` − 1."""
     i, at, column = np.uint64(i), np.uint64(at), np.uint64(column)
     first, step = np.uint64(first), np.uint64(step)
     for b in range(ZERO, np.uint64(A.shape[1]), FOUR):
@@ -69,5 +69,5 @@ def product(A, i, M, at, column, B, first, step, count):  # noqa: PLR0917
 
 @partial(Compiled, _nrt=True)
 def multiply(A, B, C):
-    """C ← A B, by NumPy's BLAS."""
+    """Compute C ← A B with NumPy's BLAS."""
     np.dot(A, B, C)

@@ -1,19 +1,20 @@
 """
-A model over a sample, with derivatives by θ and by the state, eq. (17)–(24): the discretisation.
+Integration of a model over a sample, with derivatives by θ and by the state, eq. (17)–(24).
 
-A model is the block matrix N = [A B; 0 0] T/s and the output row C, both a table of terms c Πθ^e.
-The powers of N are formed once a sample. They give the transition, and its derivative by each
-entry of N:
+A model is represented by the block matrix N = [A B; 0 0] T/s and the output row C. Both are stored
+as tables of terms c Πθ^e. The powers of N are computed once per sample. The transition and its
+derivative with respect to each entry of N follow from these powers:
 
-    Φ(θ) = Σ_k N^k/k!                                            [x; u] to the next one, (20)
-    ∂Φ/∂N_rc ξ = Σ_j N^j e_r g_jc,  g_j = Σ_k (N^k ξ)/(j+k+1)!   the series' derivative by an entry
+    Φ(θ) = Σ_k N^k/k!                                            transition of [x; u], (20)
+    ∂Φ/∂N_rc ξ = Σ_j N^j e_r g_jc,  g_j = Σ_k (N^k ξ)/(j+k+1)!   its derivative by an entry of N
     z_i⁺ = Φ z_i + Σ_rc ∂N_rc/∂θ_i (∂Φ/∂N_rc ξ)                  sensitivities, (21)–(23)
     ψ_i = C z_i + ∂C/∂θ_i x⁺                                     gradient, (16), (24)
 
-Each row of X (n+1, lanes) is a state with its derivatives, the last row the output. Derivatives are
-by each θ and, where a filter needs them, by the state at the start of the sample. The last states
-are the torques of the laws, which the linear part holds.
-`flexaxis.estimators.models.discretisation` has the same by a matrix exponential.
+Each row of X (n+1, lanes) contains a state and its derivatives; the last row contains the output
+and its derivatives. The derivatives are taken with respect to each θ and, if a filter needs them,
+to the state at the start of the sample. The last states are the torques of the laws, which the
+linear part holds constant. `flexaxis.estimators.models.discretisation` computes the same using a
+matrix exponential.
 """
 
 from typing import Annotated, NamedTuple
@@ -40,15 +41,16 @@ from flexaxis.estimators.models.rows import (
 SIZES = np.dtype(
     [(name, int) for name in ("n", "held", "order", "parts", "steps", "output")] + [("h", float)]
 )
-"""Number of states, and of those that are not torques of laws; order of the series; substeps of a
-step, steps of a sample; first entry of C; length of a step [s]."""
+"""Number of all states, and of the states that are not torques of laws; order of the series;
+substeps per step; steps per sample; index of the first entry of C; length of a step [s]."""
 ENTRY = np.dtype(
     [(name, int) for name in ("row", "column", "first", "last")]
     + [("coefficient", float), ("value", float)]
 )
-"""A term c Πθ^e of [A B; C 0], by columns, those of C last: place, its slopes, c, value at θ."""
+"""A term c Πθ^e of [A B; C 0]: its position, the range of its slopes, c, and its value at θ. Terms
+are sorted by column; the terms of C come last."""
 SLOPE = np.dtype([("entry", int), ("theta", int), ("power", int), ("value", float)])
-"""A factor θ_i^e of a term, and the derivative of the term by θ_i."""
+"""A factor θ_i^e of a term, and the derivative of the term with respect to θ_i."""
 
 INVERSE_FACTORIALS = 1.0 / np.cumprod(np.arange(1.0, 82.0))
 SERIES = INVERSE_FACTORIALS[np.add.outer(np.arange(40), np.arange(40))]  # 1/(j+k+1)!
@@ -57,24 +59,24 @@ EXPONENTIAL = np.append(1.0, INVERSE_FACTORIALS)[:, None]  # 1/k!
 
 class Axis(NamedTuple):
     """
-    A model with what its integration over a sample needs.
+    A model with the arrays that are needed to integrate the model over a sample.
 
     Attributes
     ----------
     sizes, entries, slopes, reset
-        Its tables; `reset` lists the states that are zero when a sample begins.
+        Tables of the model; ``reset`` lists the states that are zero at the start of a sample.
     Q : ((order+2)(n+1), w) array
         Columns of N⁰, N¹, …, and of Φ.
     point : (n+1, 1) array
-        ξ = [x; u].
+        Vector ξ = [x; u].
     trail, g, effect : (order, w), (order, w), (entries, w) arrays
-        N^k ξ, g_j, and ∂Φ/∂N_rc ξ of each term.
+        Vectors N^k ξ, vectors g_j, and the product ∂Φ/∂N_rc ξ of each term.
     after : (n, lanes) array
         States and derivatives after a substep.
     laws : (L,) records
-        As of `flexaxis.estimators.models.parametrization.LAW`.
+        Nonlinear laws, of type `flexaxis.estimators.models.parametrization.LAW`.
     drive, square, lanes, response
-        Arrays of `flexaxis.estimators.models.reaction.react`.
+        Arguments of `flexaxis.estimators.models.reaction.react`.
     """
 
     sizes: Annotated[NDArray[np.void], SIZES, 1]
@@ -104,11 +106,11 @@ def axis_arrays(
     ----------
     model : Parametrization
     plan : (steps, order, parts)
-        Steps of a sample, order of the series, and substeps of a step.
+        Number of steps per sample, order of the series, and number of substeps per step.
     period : float
         Sampling period [s].
     lanes : int
-        Length of a row of X.
+        Number of columns of X.
     """
     steps, order, parts = plan
     n, held, L = model.n, model.states, model.forces
@@ -138,8 +140,8 @@ def axis_arrays(
 
 
 def _tables(model: Parametrization, length: float) -> tuple[NDArray, NDArray]:
-    """Return the terms of a model over a time [s], and their slopes."""
-    scale = np.where(model.row < model.n, length, 1.0)  # the output is read, not run
+    """Return the terms of a model for a substep of some length [s], and the slopes of the terms."""
+    scale = np.where(model.row < model.n, length, 1.0)  # the output row C is not integrated
     places = model.row == model.n, model.column, model.row
     keys, which = np.unique(np.column_stack([*places, model.exponent]), axis=0, return_inverse=True)
     exponent = keys[:, 3:]
@@ -157,7 +159,7 @@ def _tables(model: Parametrization, length: float) -> tuple[NDArray, NDArray]:
 
 @fused
 def evaluate(entries, slopes, theta):
-    """Write the terms that depend on θ, and their slopes, eq. (17)–(19)."""
+    """Update the terms that depend on θ, and their slopes, eq. (17)–(19)."""
     for k in range(len(entries)):
         if entries[k]["first"] == entries[k]["last"]:
             continue
@@ -175,9 +177,9 @@ def evaluate(entries, slopes, theta):
 
 @fused
 def powers(entries, output, order, Q):
-    """Write N^k and, behind them, Φ = Σ N^k/k!, eq. (20), by columns."""
+    """Write the columns of all N^k and then those of Φ = Σ N^k/k!, eq. (20)."""
     columns = len(Q) // (order + 2)
-    last = 0  # N⁰ is there already
+    last = 0  # Q contains N⁰ from the start
     for _ in range(order):
         now, e = last + columns, 0
         for j in range(columns):
@@ -192,7 +194,7 @@ def powers(entries, output, order, Q):
 
 @fused
 def _column(Q, to, entries, first, last, at):  # noqa: PLR0917
-    """Write a column of N^k: those of N^(k−1) that each entry of the column of N reads."""
+    """Write a column of N^k: the columns of N^(k−1), weighted by the entries of a column of N."""
     to, at = np.uint64(to), np.uint64(at)
     for b in range(ZERO, np.uint64(Q.shape[1]), FOUR):
         p = q = r = s = 0.0
@@ -207,7 +209,7 @@ def _column(Q, to, entries, first, last, at):  # noqa: PLR0917
 
 @fused
 def effects(entries, output, held, order, Q, xi, trail, g, effect):  # noqa: PLR0917
-    """Write ∂Φ/∂N_rc ξ of each term that depends on θ."""
+    """Write ∂Φ/∂N_rc ξ for each term that depends on θ."""
     columns = len(Q) // (order + 2)
     for i in range(held):
         trail[0, i] = xi[i, 0]
@@ -220,7 +222,7 @@ def effects(entries, output, held, order, Q, xi, trail, g, effect):  # noqa: PLR
             r, c = entries[e]["row"], entries[e]["column"]
             if c < held:
                 product(effect, e, g, 0, c, Q, r, columns, order)
-            elif xi[c, 0] != 0.0:  # input, and torques of laws, which are held
+            elif xi[c, 0] != 0.0:  # the input and the torques of laws are held constant
                 product(effect, e, SERIES, 0, 0, Q, r, columns, order)
                 add(effect, e, xi[c, 0] - 1.0, effect, e)
             else:
@@ -232,7 +234,7 @@ def advance(entries, slopes, output, Q, phi, held, xi, effect, moved, X):  # noq
     """Integrate X over a substep: x⁺ = Φ [x; u], z_i⁺ = Φ z_i + ∂Φ/∂θ_i [x; u]."""
     for i in range(held):
         product(moved, i, Q, phi, i, X, 0, 1, held)
-        for j in range(held, len(xi)):  # input, and torques of laws, which are held
+        for j in range(held, len(xi)):  # the input and the torques of laws are held constant
             moved[i, 0] += Q[phi + j, i] * xi[j, 0]
     for s in range(len(slopes)):
         e, lane, m = slopes[s]["entry"], 1 + slopes[s]["theta"], slopes[s]["value"]
@@ -256,7 +258,7 @@ def read(entries, slopes, output, X):
 
 @inlined
 def _part(axis, u, law, X):
-    """Integrate X over a substep with u held, and the torque of one law, or none (−1), as one."""
+    """Integrate X over a substep with u held; the torque of one law is one, or of none (−1)."""
     entries, Q, xi, effect, sizes = axis.entries, axis.Q, axis.point, axis.effect, axis.sizes[0]
     n, held, order, output = sizes["n"], sizes["held"], sizes["order"], sizes["output"]
     for i in range(n):
@@ -270,8 +272,8 @@ def _part(axis, u, law, X):
 
 
 LAWS = 1
-"""Passed as ``laws`` for a model with laws. For a linear model pass None: then the compiled loop
-contains no code of laws."""
+"""Value of the argument ``laws`` for a model with laws. For a linear model it is None, so that the
+compiled loop contains no code for laws."""
 
 
 @inlined

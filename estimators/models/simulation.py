@@ -1,4 +1,4 @@
-"""A model at fixed parameters along a torque, with its sensitivities; filters do the same."""
+"""Simulation of a model with fixed parameters and its sensitivities, as in the filters."""
 
 from typing import NamedTuple
 
@@ -14,11 +14,11 @@ from flexaxis.estimators.models.series import LAWS, Axis, axis_arrays, over_samp
 
 Array = NDArray[np.float64]
 
-LEAST = 1e-300  # replaces a zero of a parameter of the linear model
+LEAST = 1e-300  # replaces a parameter of the linear model that is zero
 
 
 class Simulation(NamedTuple):
-    """The model, θ (p,), and X (n+1, lanes): states and, last, output, with their derivatives."""
+    """The model, θ (p,), and X (n+1, lanes): states and output (last row) with derivatives."""
 
     axis: Axis
     theta: Vector
@@ -34,18 +34,19 @@ def simulation(
     further: int = 0,
 ) -> Memory:
     """
-    Return a model at θ (p,), at rest, with derivatives by it.
+    Return the simulation of a model at θ, initially at rest, with derivatives with respect to θ.
 
     Parameters
     ----------
     model : Parametrization
     theta : (p,) array_like
+        Identified parameters.
     period : float
         Sampling period [s].
     steps : int, optional
-        Steps of a sample of a model with laws; by default as in the filters.
+        Number of steps per sample for a model with laws; by default the number used in the filters.
     further : int
-        Number of further derivatives, such as by the state at the start.
+        Number of additional derivatives, such as those with respect to the initial state.
     """
     theta = np.asarray(theta, float)
     theta = np.where((theta == 0) & ~np.array(model.additive), LEAST, theta)
@@ -56,7 +57,7 @@ def simulation(
 
 
 def along(simulated: Memory, u: Array) -> Array:
-    """Return output and derivatives (N, lanes) after each of N torques; updates the states."""
+    """Advance the states by N torques; return the output and its derivatives (N, lanes)."""
     rows = np.zeros((len(u), simulated["X"].shape[1]))
     _along(simulated.block, simulated.at, u, rows, LAWS if len(simulated["laws"]) else None)
     return rows
