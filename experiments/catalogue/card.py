@@ -42,14 +42,17 @@ def happens(scenario: Scenario) -> str:
 
 
 def in_a_line(scenario: Scenario) -> str:
-    """Return the faults of a scenario, and how it differs from a default scenario, in one line."""
+    """Return the faults of a scenario and its differences from a default scenario in one line."""
     usual = _parts(Scenario(name="usual", duration=20.0))
     parts = (t for name, texts in _parts(scenario).items() for t in texts if t not in usual[name])
     return "; ".join([happens(scenario), *parts])
 
 
 def _parts(scenario: Scenario) -> dict[str, list[str]]:
-    """Return the parts of a scenario by heading; "unmodelled" parts are not in the linear model."""
+    """Return the parts of a scenario, keyed by heading.
+
+    The heading "unmodelled" is for effects that the linear model does not describe.
+    """
     s, tables = scenario, scenario.tables.values()
     sensors = [words for table in tables if table.exact and (words := table.in_words())]
     sensors += ["controller uses the measured angle"] * (s.feedback == "measured")
@@ -74,13 +77,13 @@ def show(name: str) -> tuple[dict[str, Any], list[str]]:
     Parameters
     ----------
     name : str
-        Name of a scenario, suite or estimator, or the path of a scenario. The lines of a scenario
-        are its description followed by TOML.
+        Name of a scenario, suite or estimator, or the path of a scenario. The lines for a scenario
+        are the description, followed by the scenario as TOML.
 
     Raises
     ------
     ScenarioError
-        If there is no scenario, suite or estimator of this name.
+        If no scenario, suite or estimator has this name.
     """
     if name in REGISTRY:
         entry = REGISTRY[name]

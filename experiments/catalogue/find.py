@@ -1,6 +1,6 @@
 """The catalogue: find scenarios and suites by name or path, and list them.
 
-Slow imports happen after names are checked, so a typo is reported at once.
+Slow modules are imported only after the names are checked, so a typo is reported at once.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ HOME = Path(str(files("flexaxis.experiments.catalogue")))
 HASHES = "hashes.toml"
 STREAMS = "streams.toml"
 DRAWN = "-v2"
-"""Suffix of a scenario that differs from its -v1 only by an onset that is drawn for each seed."""
-SPREAD = 3.0  # s, `onset_spread` of every -v2
-SCORED = 5.0  # s, shortest time from the last fault of a -v2 to the end of the run
+"""Suffix of a scenario that is like its version -v1, but with an onset drawn for each seed."""
+SPREAD = 3.0  # `onset_spread` of every scenario with the suffix -v2 [s]
+SCORED = 5.0  # shortest time from the latest possible onset in a -v2 to the end of the run [s]
 
 GROUPS = {
     "nominal": "nothing happens",
@@ -42,7 +42,7 @@ GROUPS = {
     "chains": "axes with another number of masses",
     "ground": "conditions under which good estimators have failed",
 }
-"""The groups of the catalogue, in the order in which they are listed."""
+"""Descriptions of the groups of the catalogue, in the order in which the groups are listed."""
 
 FAULTS = {
     "worn or dry motor bearing, dragging brake": "f_m",
@@ -58,7 +58,7 @@ FAULTS = {
     "part added to the motor shaft": "J_m",
     "part added to the gear": "J_g",
 }
-"""The parameter that each physical fault changes."""
+"""Name of the parameter that changes with each physical fault, keyed by the fault."""
 
 Line = dict[str, str]
 
@@ -67,7 +67,7 @@ Line = dict[str, str]
 class Suite:
     """The scenarios, estimators and number of seeds of a benchmark.
 
-    Scenarios are names in the catalogue, or Scenario objects in the result of `select`. The
+    Scenarios are names in the catalogue or, in the result of `select`, Scenario objects. The
     `swept_estimators` are compared at equal noise on the `swept_scenarios`.
     """
 
@@ -106,12 +106,12 @@ def _tables(place: str) -> dict[str, Any]:
 
 
 def full_name(name: str) -> str:
-    """Return the name of a scenario with its suffix; the default suffix is -v1."""
+    """Return the name of a scenario with a suffix; the default suffix is -v1."""
     return f"{name}-v1" if f"{name}-v1" in hashes() else name
 
 
 def check_names(names: Iterable[str]) -> None:
-    """Raise a ScenarioError with a line for each name that is not a scenario, suite or file."""
+    """Raise a ScenarioError with one line for each name that is no scenario, suite or file."""
     known = {*hashes(), *suite_names()}
     if wrong := [n for n in names if full_name(n) not in known and not Path(n).is_file()]:
         raise ScenarioError(*map(_unknown, wrong))
@@ -130,7 +130,7 @@ def _unknown(name: str) -> str:
 
 
 def find_scenario(name: str) -> Scenario:
-    """Return a scenario by its catalogue name or from a TOML file.
+    """Return a scenario, given its name in the catalogue or the path of a TOML file.
 
     The default suffix of a name is -v1. In a scenario with the suffix -v2, the onset is drawn for
     each seed.
@@ -138,8 +138,8 @@ def find_scenario(name: str) -> Scenario:
     Raises
     ------
     ScenarioError
-        If neither the name nor the file exists, if the file has errors, or if the content of a
-        catalogue scenario does not match its frozen hash.
+        If neither the name nor the file exists, if the file contains errors, or if the content of a
+        scenario in the catalogue does not match the frozen hash of its name.
     """
     from flexaxis.sim.scenario import load_scenario, scenario_from
 
@@ -159,9 +159,10 @@ def find_scenario(name: str) -> Scenario:
 
 
 def _frozen(scenario: Scenario, name: str) -> Scenario:
-    """Return the scenario if its content matches the frozen hash of its name.
+    """Return the scenario if the hash of its content is equal to the frozen hash of its name.
 
-    Without this check, changed content would be silently pooled with stored results of that name.
+    Without this check, results of a changed scenario could be pooled with stored results of the
+    original scenario that has the same name.
     """
     frozen_hash, result = hashes().get(name), scenario.hash[:16]
     if frozen_hash is None:
@@ -179,7 +180,7 @@ def _frozen(scenario: Scenario, name: str) -> Scenario:
 
 
 def find_suite(name: str) -> Suite:
-    """Return a suite by its name, with "all" replaced by the names of all estimators."""
+    """Return a suite by its name; "all" in its file is replaced by the names of all estimators."""
     from flexaxis.estimators.registry import REGISTRY
 
     table = _tables(f"suites/{name}.toml")
@@ -191,9 +192,10 @@ def find_suite(name: str) -> Suite:
 
 
 def _members(table: dict[str, Any]) -> list[str]:
-    """Return the scenarios of a suite, which lists groups, excluded groups, or names.
+    """Return the names of a suite's scenarios, given the table in the file of the suite.
 
-    From a group, the suite takes the -v2 of every scenario that has one.
+    The table lists groups, excluded groups, or names. For a group, the result contains the version
+    -v2 of each scenario or, if there is no such version, the version -v1.
     """
     if "groups" not in table and table["scenarios"] != "all":
         return list(table["scenarios"])
@@ -204,19 +206,21 @@ def _members(table: dict[str, Any]) -> list[str]:
 
 
 def select(names: Any, *, default: str = "smoke") -> Suite:
-    """Return a suite with all scenarios that are given by names, paths, suites or objects.
+    """Return a suite that consists of the given scenarios and of the scenarios in given suites.
 
     Parameters
     ----------
     names : str, Path, Scenario, or several of them
-        Any mixture of suites, catalogue names, TOML paths and scenarios.
+        Names of suites, names of scenarios, paths of TOML files and scenarios, in any combination.
     default : str
-        Suite that provides the estimators and the number of seeds if `names` has no suite.
+        Name of the suite from which estimators and number of seeds are taken if `names` does not
+        contain a suite.
 
     Raises
     ------
     ScenarioError
-        If a name or a file is wrong; the message has one line per problem.
+        If a name does not exist or a file is invalid. For unknown names, the message contains one
+        line per name.
     """
     names = names if isinstance(names, list | tuple | set) else [names]
     texts = [str(name) for name in names if isinstance(name, str | Path)]
@@ -236,19 +240,21 @@ def select(names: Any, *, default: str = "smoke") -> Suite:
 
 
 def scenarios(*, group: str = "", find: str = "") -> list[Line]:
-    """Return the name, group, difficulty, faults (parameters) and card of scenarios.
+    """Return the name, group, difficulty, faults and card of scenarios.
+
+    The faults are listed as the names of the parameters that change.
 
     Parameters
     ----------
     group : str
         Group to list (default: all groups).
     find : str
-        Text that one of these entries must contain, ignoring case.
+        Text that the entries of a listed scenario must contain, in upper or lower case.
 
     Raises
     ------
     FlexaxisError
-        If there is no such group.
+        If the group does not exist.
     """
     if group and group not in GROUPS:
         raise FlexaxisError(unknown("group", group, GROUPS))
@@ -267,13 +273,13 @@ def _with(find: str, lines: list[Line]) -> list[Line]:
 
 
 def suites(find: str = "") -> list[Line]:
-    """Return the name and card of each suite that contains a text."""
+    """Return the name and card of each suite for which one of the two contains a text."""
     lines = [{"name": n, "card": _tables(f"suites/{n}.toml")["card"]} for n in suite_names()]
     return _with(find, lines)
 
 
 def faults(find: str = "") -> list[Line]:
-    """Return each physical fault with its parameter and the scenarios that simulate it."""
+    """Return each physical fault with the parameter that changes and the scenarios to simulate."""
     lines = scenarios()
     result = []
     for fault, parameter in FAULTS.items():

@@ -1,8 +1,8 @@
 """The Python interface of flexaxis: simulate, estimate, score, compare and benchmark.
 
-Use it as ``import flexaxis as fx``. Names are imported on first use, so `import flexaxis` takes
-only milliseconds. The modules of this folder are thin: they call `flexaxis.sim`,
-`flexaxis.estimators` and `flexaxis.experiments`.
+Import the package with ``import flexaxis as fx``. Names are imported on first use, so this import
+takes only milliseconds. The modules in this folder are short, because they call functions of
+`flexaxis.sim`, `flexaxis.estimators` and `flexaxis.experiments`.
 """
 
 from importlib import import_module
@@ -44,7 +44,7 @@ _NAMES = {
     "_records": ("Axis", "Recording", "Sample", "cache", "load", "make_axis", "simulate"),
     "_results": ("Comparison", "Results", "benchmark", "compare", "study", "tune"),
     "experiments.demo.view": ("view",),
-    # Only the commands use the names below.
+    # The following names are used only by the command line.
     "experiments.catalogue.card": ("show",),
     "experiments.catalogue.find": ("GROUPS", "check_names", "faults", "scenarios", "suites"),
     "experiments.check.template": ("new",),

@@ -31,7 +31,7 @@ EstimatorLike = str | type
 SCORES = (
     "estimator", "parameter", "changed", "lag", "t10", "std", "bias", "cross_talk", "diverged",
 )  # fmt: skip
-"""The columns of the table that `score` returns."""
+"""Columns of the table that `score` returns."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -45,13 +45,14 @@ class Estimate:
     names : tuple of str
         Names of the estimated parameters.
     theta : ndarray (N, p)
-        Estimates θ[k], computed from y[0..k], in SI units.
+        Estimates in SI units; θ[k] is computed from y[0] to y[k].
     record : Recording
+        The record on which the estimator ran.
     scenario : Scenario
-        The scenario that gave the estimator its nominal values.
+        The scenario that contains the estimator's nominal values.
     findings : sequence or None
-        Detected changes, each with `alarm` (sample) and `parameters`; None if the estimator has
-        no detector.
+        Detected changes, each with attributes `alarm` (sample of the alarm) and `parameters` (names
+        of the parameters that changed); None if the estimator has no detector.
     """
 
     estimator: str
@@ -70,27 +71,27 @@ class Estimate:
 
     @cached_property
     def covariance(self) -> Array | None:
-        """Reported covariance (N, p, p) after every sample; None if the estimator reports none.
+        """Covariance (N, p, p) that the estimator reports after every sample, or None.
 
-        On first access, the estimator runs once more, sample by sample, to collect it.
+        On first access, the estimator runs once more, sample by sample, to collect the covariances.
         """
         estimator, record = build(parse(self.estimator), self.scenario), self.record
         return run_on(estimator, record.torque, getattr(record, estimator.output), record.valid)[1]
 
     @cached_property
     def truth(self) -> Mapping[str, Array]:
-        """True values (N,) of the estimated parameters, as far as the record contains them."""
+        """True values (N,) of the estimated parameters, keyed by name, if the record has them."""
         return true_values(self.names, self.record, slice(None))
 
     def plot(self, *names: str, ax: Any = None, band: bool = True) -> Any:
-        """Draw estimates over time, one panel per parameter, with the truth as a dashed line.
+        """Draw estimates as a function of time, one panel per parameter, with dashed true values.
 
         Parameters
         ----------
         *names : str
             Parameters to draw (default: all).
         ax : matplotlib axes, or several, optional
-            Axes to draw on, for example those that another estimate's `plot` returned (default:
+            Axes to draw on, such as the axes that the `plot` of another estimate returned (default:
             new axes).
         band : bool
             Whether to draw a band of ± 2 reported standard deviations.
@@ -98,6 +99,7 @@ class Estimate:
         Returns
         -------
         Axes, or ndarray of Axes
+            One axes per parameter.
         """
         panels = {}
         for name in names or self.names:
@@ -121,7 +123,7 @@ class Estimate:
 
     @property
     def table(self) -> pd.DataFrame:
-        """The last estimate, true value and error [% of the true value] of each parameter."""
+        """Last estimate, last true value and error [% of the true value] of each parameter."""
         truth = {name: values[-1] for name, values in self.truth.items()}
         known = {"last": self.last, "truth": truth}
         table = pd.DataFrame(known, self.names, dtype=float)
@@ -162,17 +164,17 @@ def estimate(
     Parameters
     ----------
     record : Record, str or Path
-        A record, as `simulate` returns it, or the path of an ``.nc`` file.
+        A record from `simulate` or `load`, or the path of an ``.nc`` file.
     estimator : str or class
-        A name listed by `flexaxis.estimators()`, any text that ``--estimator`` accepts, or a class
-        of your own, which is constructed for the record.
+        A name that `flexaxis.estimators()` lists, any text that ``--estimator`` accepts, or a class
+        of your own, of which an instance is constructed for the record.
     scenario : str, Path or Scenario, optional
-        Scenario that gives the estimator its nominal values (default: the record's own scenario).
+        Scenario that contains the estimator's nominal values (default: the scenario of the record).
 
     Returns
     -------
     Estimate
-        The estimates θ (N, p) after every sample.
+        Estimates θ (N, p) after every sample, and further outputs of the estimator.
 
     Raises
     ------
@@ -198,7 +200,7 @@ def estimate(
         )
     spec = parse(text_of(estimator))
     made = build(spec, known)
-    # `follow` keeps the covariance of the samples before the record's fault.
+    # `follow` returns the covariance that the estimator reports before the fault of the record.
     theta, claimed, innovations = follow(spec.text, made, shown.definition or known, shown)
     findings = getattr(made, "findings", None)
     return Estimate(
@@ -209,24 +211,25 @@ def estimate(
 def score(
     record: Record | Estimate | str | Path, estimator: EstimatorLike = "rpem-forgetting"
 ) -> pd.DataFrame:
-    """Return the scores of an estimate, one row per parameter, as `benchmark` scores one seed.
+    """Return the scores of an estimate, which are the scores that `benchmark` computes for a seed.
 
     Parameters
     ----------
     record : Estimate, Record, str or Path
-        An estimate as `estimate` returns it; or a record, on which the estimator runs first.
+        A result of `estimate`, or a record on which the estimator is run before scoring.
     estimator : str or class
-        The estimator to run, as in `estimate`. It is ignored if `record` is an `Estimate`.
+        The estimator to run, as for `estimate`. If `record` is an `Estimate`, this argument is
+        ignored.
 
     Returns
     -------
     DataFrame
-        Lag and t10 in s; std, bias and cross-talk in % of nominal.
+        One row per parameter; lag and t10 in s; std, bias and cross-talk in % of nominal.
 
     Raises
     ------
     RecordError
-        If the true parameters are unknown: only simulated records can be scored.
+        If the record contains no true parameters, because only simulated records can be scored.
 
     Notes
     -----
@@ -241,23 +244,24 @@ def score(
         scenario, known, result.names, result.theta, result._claimed, result._innovations,
         result.findings,
     )  # fmt: skip
-    # A row holds the std about zero. The table shows it about the mean, as for many runs.
+    # A row contains the rms error as std. Pooling subtracts the mean error, as for many runs.
     lines = [row | pool_columns(columns_of([row]), ["std"]) for row in rows(track)]
     return pd.DataFrame(lines).assign(estimator=result.estimator)[[*SCORES]]
 
 
 def check(estimator: EstimatorLike) -> pd.DataFrame:
-    """Check that an estimator keeps the rules: no look-ahead, `step` equals `run`, and so on.
+    """Check that an estimator follows the rules: no look-ahead, `step` equals `run`, and others.
 
     Parameters
     ----------
     estimator : str or class
-        An estimator, as in `benchmark`.
+        An estimator, as for `estimate`.
 
     Returns
     -------
     DataFrame
-        One row per rule: ``rule, holds`` (None if the rule does not apply), ``seen, reason, hint``.
+        One row per rule, with columns ``rule, holds`` (None if the rule does not apply), ``seen,
+        reason, hint``.
 
     Raises
     ------

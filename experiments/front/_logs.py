@@ -1,6 +1,6 @@
 """Work with logs of a real axis: `import_log`, `identify` and `track`.
 
-Each returns a `LogResult` with a table, sentences and figures.
+Each function returns a `LogResult` with a table, sentences and figures.
 """
 
 import sys
@@ -27,7 +27,7 @@ Log = Any  # a path, a record, or what `import_log` returned
 
 @dataclass(frozen=True, repr=False, eq=False)
 class LogResult:
-    """The result for a log: a table, marked sentences and figures.
+    """The result for a log, with a table, sentences that begin with a mark, and figures.
 
     Attributes
     ----------
@@ -38,13 +38,15 @@ class LogResult:
     content : dict
         The JSON object that the command prints with ``--json``.
     table : DataFrame
-        One row per check or per parameter.
+        Table with one row per check, per parameter or per log.
+    write : callable
+        ``write(path)`` writes the record, axis, estimates or table to a file.
     status : int
-        Exit status of the command; 1 reports a finding.
+        Exit status of the command; 1 if the command reports a finding.
     record : Record or None
-        The record made from the log.
+        The record that was read from the log.
     axis : Axis or None
-        The identified axis; its `save` writes the file that the commands read.
+        The identified axis; the method `save` of this axis writes the file that the commands read.
     """
 
     result: Any
@@ -57,7 +59,7 @@ class LogResult:
     axis: Any = None
 
     def save(self, path: str | Path) -> Path:
-        """Write the record, axis or estimates, and a report page beside it; return its path."""
+        """Write the result to a file and a report page next to the file; return the page's path."""
         self.write(Path(path))
         page = Path(path).with_suffix(".html")
         self.page.write(page)
@@ -69,7 +71,7 @@ class LogResult:
         Parameters
         ----------
         chart : int
-            Position of the chart on the page, from 0.
+            Position of the chart on the page, counted from 0.
         ax : matplotlib axes, optional
             Axes to draw on, one for each panel of the chart (default: new axes).
         """
@@ -83,7 +85,7 @@ class LogResult:
 
 
 def _read(log: Log, options: Mapping[str, Any] | None) -> importing.Imported:
-    """Return the record of a log and its checks; print the problems that would spoil estimates."""
+    """Return the record of a log and its checks; print the problems that may distort estimates."""
     if not isinstance(log, str | Path):
         return importing.Imported(getattr(log, "record", log), ())  # type: ignore[arg-type]
     result = importing.import_log(Path(log), **(options or {}))
@@ -102,8 +104,9 @@ def import_log(path: str | Path, **columns: Any) -> LogResult:
     Parameters
     ----------
     path : str or Path
+        Path of the log.
     **columns
-        Options that say how to read the log: columns (``torque="current"``),
+        Options that describe the format of the log: names of columns (``torque="current"``),
         ``unit={"angle": "deg"}``, ``scale``, ``rate``, ``rows``, ``torque_is``, ``resample`` [Hz]
         and ``burn_in`` [s].
     """
@@ -133,24 +136,26 @@ def identify(
     Parameters
     ----------
     log : path, record, result of `import_log`, or a folder of logs
-        The logs of a folder are read in the order of their names. Then the table has one row per
-        log, and the findings report the effect of a covariate and any change of a parameter.
+        The log to use. The logs in a folder are read in the order of their names. For a folder, the
+        table contains one row per log, and the findings describe the effect of a covariate and any
+        change of a parameter.
     model : str, path or Axis
-        Name of a shipped model, path of your own TOML file, or an axis.
+        Name of a shipped model, path of a TOML file of your own, or an axis.
     start : mapping of str to float, optional
         Values at which the search starts.
     fix : mapping of str to float or None, optional
-        Parameters to hold constant at the given value, or at the nominal value if it is None.
+        Parameters to hold constant, each at the given value, or at the nominal value for None.
     validate : path or record, optional
-        Another log, which the identified model simulates and predicts.
+        Another log, with which simulation and prediction by the identified model are compared.
     covariates : sequence of str
-        Columns of a folder's logs that may explain the estimates, such as a temperature.
+        Names of columns in the logs of a folder that may explain differences between the estimates,
+        such as a temperature.
     false_alarms : float
-        Probability of reporting a change in a folder of logs if there is none.
+        Probability that a change is reported for a folder of logs without a change.
     columns : mapping, optional
-        Options that say how to read the log, as in `import_log`.
+        Options that describe the format of the log, as for `import_log`.
     **options
-        ``free``, ``friction``, ``gravity`` and ``delay``, as in
+        ``free``, ``friction``, ``gravity`` and ``delay``, as for
         `flexaxis.experiments.logs.identify.identify`.
     """
     axis, start, fix = _axis(model), start or {}, fix or {}
@@ -194,15 +199,17 @@ def track(
     Parameters
     ----------
     log : path, record, or result of `import_log`
+        The log to use.
     axis : path, Axis, or result of `identify`
+        The identified axis.
     parameters : sequence of str
         Names of the parameters to track, such as ``["k_T", "1/J_l"]``.
     estimator : str, optional
         Estimator to use (default: ekf, or glr for an axis with dry friction).
     start : float
-        Initial estimate as a multiple of the identified value.
+        Initial estimate, divided by the identified value.
     columns : mapping, optional
-        Options that say how to read the log, as in `import_log`.
+        Options that describe the format of the log, as for `import_log`.
     """
     known = _axis(axis)
     spec = parse(estimator or tracking.default_estimator(known))

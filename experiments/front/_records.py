@@ -1,6 +1,6 @@
 """Simulate scenarios and load records: `simulate`, `load`, `cache` and `make_axis`.
 
-`make_axis` returns an axis that you step by hand, for example with a controller of your own.
+`make_axis` returns an axis that your own code moves step by step, for example a controller.
 """
 
 from collections.abc import Mapping
@@ -30,7 +30,7 @@ class Recording(Record):
 
     @property
     def definition(self) -> Scenario | None:
-        """The scenario that was simulated; None if the record does not contain it."""
+        """The scenario that was simulated; None if the record does not contain a scenario."""
         return scenario_from(self.scenario, source="the record") if self.scenario else None
 
     @property
@@ -39,19 +39,20 @@ class Recording(Record):
         return tuple(n for n in SIGNALS if n != "time" and getattr(self, n) is not None)
 
     def plot(self, *signals: str, ax: Any = None) -> Any:
-        """Draw signals over time, one panel per signal.
+        """Draw signals as a function of time, one panel per signal.
 
         Parameters
         ----------
         *signals : str
-            Names of signals, as in `signals` (default: the torque, and the signal that the
-            estimators read).
+            Names of signals in `signals` (default: the torque, and the signal that estimators
+            read).
         ax : matplotlib axes, or several, optional
             Axes to draw on (default: new axes).
 
         Returns
         -------
         Axes, or ndarray of Axes
+            One axes per signal.
         """
         output = self.scenario.get("output", self.signals[-1])
         panels = {}
@@ -63,14 +64,14 @@ class Recording(Record):
         return draw(panels, ax, self.definition)
 
     def save_log(self, path: Path, style: LogStyle) -> None:
-        """Write a CSV log in the units and with the clock of `style`, without true values."""
+        """Write a CSV log without true values; `style` defines the units and the clock."""
         write_log(path, self, style, stream(self.hash, self.seed or 0, "log"))
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return the record as a DataFrame with one row per sample, indexed by time [s].
 
-        The columns are the signals, `valid` if samples are missing, and the true parameters, such
-        as ``true_f_m``.
+        The columns are the signals, `valid` (only if samples are missing), and the true parameters,
+        such as ``true_f_m``.
         """
         known = {name: getattr(self, name) for name in (*SIGNALS, "valid")}
         frame = pd.DataFrame(known).set_index("time")
@@ -80,7 +81,7 @@ class Recording(Record):
 
 
 def axes_for(ax: Any, count: int) -> Any:
-    """Return the caller's axes as an array, or new axes, one below the other, if `ax` is None."""
+    """Return `ax` as an array or, if `ax` is None, an array of new axes in one column."""
     if ax is None:
         from matplotlib import pyplot
 
@@ -94,9 +95,10 @@ def draw(
     panels: Mapping[str, Any], ax: Any, scenario: Scenario | None = None, *, x: str = "time [s]",
     **options: Any,
 ) -> Any:  # fmt: skip
-    """Draw one panel of curves per entry; new axes also show faults and burn-in of the scenario.
+    """Draw one panel of curves for each entry of `panels`.
 
-    The function returns a single axes as it is, and several as an array.
+    If `ax` is None, new axes are made, in which the faults and the burn-in of the scenario are
+    marked. The result is an axes for one panel, and an array of axes for several panels.
     """
     marks = around(scenario) if scenario and ax is None else {}
     axes = axes_for(ax, len(panels))
@@ -110,11 +112,11 @@ def simulate(scenario: str | Path | Scenario, /, *, seed: int = 0, **changes: An
     Parameters
     ----------
     scenario : str, Path or Scenario
-        A name listed by `flexaxis.scenarios()`, a path to a TOML file, or a scenario.
+        A name that `flexaxis.scenarios()` lists, the path of a TOML file, or a scenario.
     seed : int
-        Random seed: the same seed gives the same run, to the last bit.
+        Random seed. Two runs with the same seed are equal to the last bit.
     **changes
-        New values of scenario keys, as in a study:
+        New values of scenario keys, written as in a study:
         ``**{"fault[0].factor": 2, "duration": 12.0}``.
 
     Returns
@@ -151,12 +153,13 @@ def load(path: str | Path) -> Any:
     Parameters
     ----------
     path : str or Path
-        A record, as `Recording.save` and ``flexaxis simulate`` write it; or a folder that
-        ``flexaxis run``, ``flexaxis study`` or `benchmark` wrote.
+        File that `Recording.save` or ``flexaxis simulate`` wrote, or folder that ``flexaxis run``,
+        ``flexaxis study`` or `benchmark` wrote.
 
     Returns
     -------
     Recording or Results
+        Record for a file, and results for a folder.
 
     Raises
     ------
@@ -174,8 +177,8 @@ def cache(*, clear: bool = False) -> dict[str, Any]:
     """Return the location and size of the cache of simulated records, and optionally clear it.
 
     The key of a record contains the hashes of its scenario and of the simulation code, the seed and
-    the MuJoCo version, so an entry is never out of date. When the cache reaches its size limit, it
-    deletes the least recently used records.
+    the MuJoCo version, so an entry is never out of date. If the cache is larger than its size
+    limit, the least recently used records are deleted.
 
     Parameters
     ----------
@@ -185,8 +188,9 @@ def cache(*, clear: bool = False) -> dict[str, Any]:
     Returns
     -------
     dict
-        The ``folder`` and its size in ``megabytes``. The environment variables FLEXAXIS_CACHE and
-        FLEXAXIS_CACHE_LIMIT set the folder and the size limit [MB].
+        ``folder``, the path of the cache, and ``megabytes``, the size of the cache [MB]. The
+        environment variables FLEXAXIS_CACHE and FLEXAXIS_CACHE_LIMIT set the folder and the size
+        limit [MB].
 
     Examples
     --------
@@ -225,12 +229,14 @@ class Axis:
     Parameters
     ----------
     scenario : Scenario
+        Scenario with the plant, faults and sensors.
     seed : int
-        Random seed of the noise.
+        Random seed of the onset and of the noise.
 
     Attributes
     ----------
     scenario : Scenario
+        The scenario, with the onset drawn for the seed.
     sample : Sample
         The latest sample. The axis starts at rest.
     """
@@ -261,7 +267,7 @@ class Axis:
         return self._k >= self.scenario.samples - 1
 
     def step(self, torque: float) -> Sample:
-        """Hold a torque [N m] for one period and return the sample at its end.
+        """Apply a constant torque [N m] for one period, and return the sample at the period's end.
 
         Raises
         ------
@@ -294,17 +300,17 @@ class Axis:
 def make_axis(
     scenario: str | Path | Scenario = "fm_step-v1", *, seed: int = 0, **changes: Any
 ) -> Axis:
-    """Return an axis that you step by hand: ``sample = axis.step(torque)``.
+    """Return an axis that your code moves step by step: ``sample = axis.step(torque)``.
 
     Parameters
     ----------
     scenario : str, Path or Scenario
-        Scenario with the plant, faults and sensors. Its controller is not used; you provide the
-        torque.
+        Scenario with the plant, faults and sensors. The controller of the scenario is not used; you
+        provide the torque.
     seed : int
-        Random seed of the noise.
+        Random seed of the onset and of the noise.
     **changes
-        New values of scenario keys, as in `simulate`.
+        New values of scenario keys, as for `simulate`.
 
     Returns
     -------
@@ -316,7 +322,7 @@ def make_axis(
     ScenarioError
         If there is no such scenario or key, or a value is not allowed.
     FlexaxisError
-        If the scenario delays the torque; delay it in your own code instead.
+        If the scenario delays the torque; delay the torque in your own code instead.
 
     Examples
     --------

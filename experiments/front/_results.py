@@ -36,11 +36,11 @@ SHOWN = (
     "scenario", "estimator", "parameter", "lag", "lag_interval", "t10", "std", "bias", "score",
     "diverged", "failed", "runs",
 )  # fmt: skip
-"""The columns of a table of pooled scores; a study adds its axes."""
+"""Columns of a table of pooled scores; the table of a study also contains the swept keys."""
 TURNED = (
     "scenario", "parameter", "setting", "lag", "lag_interval", "std", "lag_bound", "diverged",
 )  # fmt: skip
-"""The columns of a table of settings, one row per setting."""
+"""Columns of a table with one row per setting."""
 
 
 class Results(engine.Results):
@@ -48,9 +48,9 @@ class Results(engine.Results):
 
     @property
     def table(self) -> pd.DataFrame:
-        """Pooled scores of the parameters that changed, or of all if none changed.
+        """Pooled scores of the parameters that changed, or of all parameters without a change.
 
-        Intervals are over the seeds; std and bias are in % of nominal.
+        Intervals are computed from the scatter between seeds; std and bias are in % of nominal.
         """
         rows = self.scores()
         changed = rows.query("changed")
@@ -58,41 +58,43 @@ class Results(engine.Results):
 
     @property
     def problems(self) -> list[str]:
-        """One sentence per estimator that failed: its first failure and the number of failures."""
+        """One sentence per failed estimator, with the first failure and the number of failures."""
         failures = self.failures.to_dict("records")
         return [f"{text} ({n} cases)" for text, n in failures_in_words(failures)]
 
     def rerun(self, sample: int = 0, **work: Any) -> pd.DataFrame:
-        """Run cases again and compare their scores with the stored ones.
+        """Run cases again and compare the new scores with the stored scores.
 
         Parameters
         ----------
         sample : int
-            Number of cases to run, spread evenly over all cases; 0 runs all.
+            Approximate number of cases to run, at equal distances in the list; 0 for all cases.
         **work
-            ``jobs`` and ``time_limit``, as in `benchmark`.
+            ``jobs`` and ``time_limit``, as for `benchmark`.
 
         Returns
         -------
         DataFrame
-            One row per case and parameter, as `flexaxis.experiments.running.run.rerun` returns.
+            One row per case and parameter, with the columns that
+            `flexaxis.experiments.running.run.rerun` describes.
         """
         with studies.working(**work) as runner:
             return rerun(self, runner, sample)
 
     def plot(self, x: str = "", *, ax: Any = None) -> Any:
-        """Draw the lag after a fault against the noise, or over a swept key of a study.
+        """Draw the lag after a fault as a function of the noise, or of a swept key of a study.
 
         Parameters
         ----------
         x : str, optional
-            The swept key (default: the first one of the study).
+            The swept key (default: the first swept key of the study).
         ax : matplotlib axes, optional
             Axes to draw on, one for each parameter that changes (default: new axes).
 
         Returns
         -------
         Axes, or ndarray of Axes
+            One axes or, for a study, one axes for each parameter that changes.
         """
         if key := x or next(iter(self.axes), ""):
             return draw(ax=ax, **over_axis(self, key, "lag"))
@@ -101,7 +103,10 @@ class Results(engine.Results):
         return axes[0]
 
     def report(self) -> Path:
-        """Write report.html to the results folder (else the current folder); return its path."""
+        """Write report.html to the results folder, or to the current folder if there is none.
+
+        The result is the path of the report.
+        """
         path = (self.folder or Path()) / REPORT
         studies.write_report(self, path)
         return path
@@ -124,25 +129,26 @@ def benchmark(
     folder: Place = None,
     **work: Any,
 ) -> Results:
-    """Run estimators on scenarios over many seeds, and score them.
+    """Run estimators on scenarios for many seeds, and score their estimates.
 
     Parameters
     ----------
     estimators : str, class, or several of them
-        Names listed by `flexaxis.estimators()`, any text that ``--estimator`` accepts, or classes
+        Names that `flexaxis.estimators()` lists, any texts that ``--estimator`` accepts, or classes
         of your own (default: the estimators of the suite).
     scenarios : str, Path, Scenario, or several of them
-        Names of scenarios and suites, paths to TOML files, or scenarios.
+        Names of scenarios and suites, paths of TOML files, or scenarios.
     seeds : int, str or iterable of int
-        Number of seeds, counted from 1000; a range such as ``"0:20"``; or a list of seeds (default:
-        the number of the suite).
+        Number of seeds, of which the first is 1000; a range such as ``"0:20"``; or a list of seeds
+        (default: the number of seeds that the suite defines).
     folder : str or Path, optional
-        Folder for the rows, summary.json and report.html. If it is given, the estimators of a suite
-        are also compared at equal noise. Without a folder, the rows stay in memory.
+        Folder for the rows, summary.json and report.html. With a folder, the estimators of a suite
+        are also compared at equal noise. Without a folder, the rows are kept in memory.
     **work
-        ``jobs`` (number of processes, default 1), ``shard`` (number of this part and of all parts),
-        ``dask`` (address of a scheduler), ``overwrite`` (whether to delete the old contents of
-        `folder`, default False), ``time_limit`` (longest run of your own code, default 600 s).
+        ``jobs`` (number of processes, default 1), ``shard`` (number of the part to run, and number
+        of parts), ``dask`` (address of a scheduler), ``overwrite`` (whether to delete old results
+        in `folder`, default False), and ``time_limit`` (time limit for one run of an estimator of
+        your own [s], default 600).
 
     Returns
     -------
@@ -152,8 +158,9 @@ def benchmark(
     Raises
     ------
     FlexaxisError, EstimatorError
-        If a name is wrong, or an estimator cannot be constructed. If an estimator fails on a
-        record, the row of that case holds the error instead (`Results.failures`).
+        If a name does not exist, or an estimator cannot be constructed. The failure of an estimator
+        on a record raises no error; the rows of this case contain the error message
+        (`Results.failures`).
     """
     suite = select(scenarios)
     numbers, texts = seeds_of(seeds, suite.seeds), texts_of(estimators)
@@ -173,11 +180,11 @@ def study(
     Parameters
     ----------
     definition : str, Path or dict
-        A TOML file, or its content as a dict: ``{"scenario": "fm_step-v1", "estimators": ["glr"],
-        "seeds": 20, "sweep": {"fault[0].factor": [1.2, 2.0]}}``. In a dict, an estimator may also
-        be a class.
+        Path of a TOML file, or a dict with the same content: ``{"scenario": "fm_step-v1",
+        "estimators": ["glr"], "seeds": 20, "sweep": {"fault[0].factor": [1.2, 2.0]}}``. In a dict,
+        an estimator may also be a class.
     folder, **work
-        Options with the same meaning as in `benchmark`.
+        Options with the same meaning as for `benchmark`.
 
     Returns
     -------
@@ -187,7 +194,7 @@ def study(
     Raises
     ------
     StudyError
-        If the definition is wrong; the message has one line for each problem.
+        If the definition is invalid; the message contains one line for each problem.
     """
     is_file = isinstance(definition, str | Path)
     planned = load_study(definition) if is_file else study_from(definition)  # type: ignore[arg-type]
@@ -198,7 +205,7 @@ def study(
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Comparison:
-    """The verdict on a candidate, compared with a base.
+    """The verdict on a candidate that was compared with a base.
 
     Attributes
     ----------
@@ -206,7 +213,8 @@ class Comparison:
         The object that `flexaxis compare --json` prints, with keys such as ``verdict``,
         ``headline``, ``advice``, ``rows`` and ``legend``.
     status : int
-        Exit status of the command: 0 no regression, 1 worse, 3 undecided.
+        Exit status of the command: 1 if the candidate is worse; 3 if the verdict is undecided and
+        the candidate has missing runs, or more failed or lost runs than the base; 0 otherwise.
     """
 
     content: dict[str, Any]
@@ -222,11 +230,12 @@ class Comparison:
         return pd.DataFrame(self.content["rows"])
 
     def plot(self, *, ax: Any = None) -> Any:
-        """Draw the change of each score with its interval and its margin.
+        """Draw the change of each score, with the interval and the margin.
 
         Parameters
         ----------
         ax : matplotlib axes, optional
+            Axes to draw on (default: new axes).
         """
         axes = axes_for(ax, 1)[0]
         figures.verdict_intervals(self.content["rows"], axes=axes)
@@ -252,27 +261,28 @@ def compare(
     folder: Place = None,
     **work: Any,
 ) -> Comparison:
-    """Test whether a candidate is better or worse than a base; both run on the same records.
+    """Test whether a candidate is better or worse than a base by running both on the same records.
 
     Parameters
     ----------
     base, candidate : str or class
-        Estimators, as in `benchmark`.
+        Estimators, as for `benchmark`.
     scenarios : str, Path, Scenario, or several of them
-        Scenarios to run. A scenario that either estimator cannot read is left out, and the verdict
-        says so.
+        Scenarios to run. A scenario on which either estimator cannot run is left out, and the
+        headline of the comparison mentions an omission that concerns only one estimator.
     seeds, **work
-        Options with the same meaning as in `benchmark`.
+        Options with the same meaning as for `benchmark`.
     runs : two paths, optional
-        Folders of two finished runs, which are compared as they are.
+        Folders of two finished runs. These runs are compared, and nothing is run.
     max_seeds : int
-        While the verdict is undecided, seeds are added up to this number.
+        Largest number of seeds; seeds are added up to this number while the verdict is undecided.
     match_std : bool
-        Whether to tune both estimators to the same noise first and then compare only the lag. The
-        noise is the std of the parameter that changes or, if several change, the excess prediction
-        error.
+        Whether to tune both estimators to the same noise, and then compare only the lag. The noise
+        is the std of the parameter that changes or, if several parameters change, the excess
+        prediction error.
     margins : mapping of str to float, optional
-        Relative changes that do not matter, such as ``{"lag": 0.05}`` (default: 0.02).
+        Largest relative change of each score that counts as negligible, such as ``{"lag": 0.05}``
+        (default: 0.02 for lag and std, 0.2 for bias).
     folder : str or Path, optional
         Folder for the rows, compare.json, verdict.md and report.html.
 
@@ -284,8 +294,8 @@ def compare(
     Raises
     ------
     FlexaxisError
-        If the two have no scenario and score in common. With `match_std`, also if an estimator has
-        no tuning parameter or cannot be tuned to the noise of the reference.
+        If the two estimators have fewer than two runs in common. With `match_std`, also if an
+        estimator has no tuning parameter or cannot be tuned to the noise of the reference.
     """
     checked = gate.check_margins(margins or {})
     sides = [text_of(each) if each else "" for each in (base, candidate)]
@@ -315,19 +325,20 @@ class Sweep:
     Attributes
     ----------
     content : dict
-        ``tradeoff`` with ``points`` (one per setting) and ``matched`` (at the noise of
-        rpem-forgetting), as in summary.json.
+        Dict with the same key ``tradeoff`` as in summary.json. ``tradeoff`` contains ``points``
+        (one row per setting) and ``matched`` (one row per estimator, at the noise of
+        rpem-forgetting).
     """
 
     content: dict[str, Any]
 
     @property
     def table(self) -> pd.DataFrame:
-        """Lag and noise of each setting. ``std`` is in % of nominal; ``lag_bound`` is in s."""
+        """Lag and noise of each setting; ``std`` is in % of nominal, ``lag_bound`` is in s."""
         return pd.DataFrame(self.content["tradeoff"]["points"])[[*TURNED]]
 
     def plot(self) -> Any:
-        """Return a figure of lag against noise: one panel per fault, one line per estimator."""
+        """Draw the lag as a function of the noise: one panel per fault, one line per estimator."""
         found = self.content["tradeoff"]
         return figures.speed_noise(faults_of(found["points"]), fault_words(found))
 
@@ -351,25 +362,25 @@ def tune(
     Parameters
     ----------
     *estimators : str
-        Estimators to tune (default: all registered ones with a tuning parameter).
+        Estimators to tune (default: all registered estimators with a tuning parameter).
     sweep : str, Path, Scenario, or several of them
-        Scenarios with a fault. If given, the estimators run on them at several settings and are
-        not tuned.
+        Scenarios with a fault. If scenarios are given, the estimators are not tuned, but run on
+        these scenarios at several settings.
     seeds : int, str or iterable of int
-        Seeds, as in `benchmark`.
+        Seeds, as for `benchmark`.
     folder : str or Path, optional
         Folder for the rows.
     file : str or Path, optional
         TOML file for the settings, in the format of estimators/tuned.toml.
     **work
-        Options with the same meaning as in `benchmark`.
+        Options with the same meaning as for `benchmark`.
 
     Returns
     -------
     DataFrame or Sweep
-        One row per estimator. The columns are ``setting, knob, value, match, ratio`` (its noise
-        divided by that of the reference), and ``problem``, the reason if no setting has this noise.
-        With `sweep`, the result is a `Sweep`.
+        One row per estimator. The columns are ``estimator, problem, setting, knob, value, match``
+        and ``ratio``, the noise of the estimator divided by the noise of the reference. ``problem``
+        is the reason why no setting matches, or empty. With `sweep`, the result is a `Sweep`.
     """
     numbers = seeds_of(seeds, 16)
     names, lines = estimators or [n for n, entry in REGISTRY.items() if entry.knob], []

@@ -1,8 +1,9 @@
 """Run studies: simulate scenarios, run estimators on the records, score the estimates, store rows.
 
-`study` lists the units of work, `run` distributes them to worker processes, `case` does the work
-there, `store` keeps the rows in one SQLite file, and `results` returns them as a pandas DataFrame.
-`estimators` creates estimators from text, `user_code` loads user code and reports its errors,
-`cache` stores simulated records, `estimate` runs one estimator on one record, and `progress` shows
-a progress bar. The input is scenarios, estimators and seeds; the output is rows in a folder.
+`study` lists the units of work, `run` distributes the units to worker processes, `case` runs the
+cases of a unit in a worker, `store` keeps the rows in one SQLite file, and `results` returns the
+rows as a pandas DataFrame. `estimators` creates an estimator from a text, `user_code` loads user
+code and reports errors in it, `cache` stores simulated records, `estimate` runs one estimator on
+one record, and `progress` shows a progress bar. The input consists of scenarios, estimators and
+seeds; the output is a folder with rows.
 """

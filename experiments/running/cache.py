@@ -1,4 +1,4 @@
-"""Cache of simulated records: one NetCDF file each; the least recently used are removed first.
+"""Cache of simulated records, each in a NetCDF file; the least recently used are removed first.
 
 The key of a record consists of the parts of its scenario that affect plant and sensors
 (`Scenario.record_hash`), its seed, the version of MuJoCo, and a digest of the simulation code and
@@ -23,9 +23,9 @@ from flexaxis.sim.record import SIGNALS, Record
 from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.simulate import made_with, record_of, simulate
 
-LIMIT = 2 * 1024**3  # bytes
+LIMIT = 2 * 1024**3  # default size limit of the cache [bytes]
 SHORT = 12
-"""Hexadecimal digits of a digest."""
+"""Number of hexadecimal digits of a digest."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class RecordCache:
     limit: int = LIMIT
 
     def get(self, scenario: Scenario, seed: int) -> Record | None:
-        """Return a record, or None if it is not in the cache; a damaged file is removed."""
+        """Return a record, or None if the cache does not contain it; remove a damaged file."""
         path = self._path(scenario, seed)
         try:
             with h5py.File(path) as file:
@@ -48,10 +48,10 @@ class RecordCache:
             return None
 
     def put(self, scenario: Scenario, record: Record) -> None:
-        """Store a record; a full or read-only folder is not an error."""
-        content = io.BytesIO()  # HDF5 would end the process if it wrote to a full disk itself
+        """Store a record; a full or read-only folder does not cause an error."""
+        content = io.BytesIO()  # HDF5 ends the process if HDF5 itself writes to a full disk
         with h5py.File(content, "w") as file:
-            for name in [*SIGNALS][1:]:  # time follows from the scenario
+            for name in [*SIGNALS][1:]:  # without the time, which is computed from the scenario
                 if (values := getattr(record, name)) is not None:
                     file[name] = values
         with suppress(OSError):
@@ -60,11 +60,14 @@ class RecordCache:
                 new.write_bytes(content.getvalue())
 
     def entries(self) -> list[Path]:
-        """Return the files, the least recently used first."""
+        """Return the files of the cache, sorted with the least recently used first."""
         return sorted(self.folder.glob("*.nc"), key=lambda path: path.stat().st_mtime_ns)
 
     def evict(self, limit: int) -> int:
-        """Remove least recently used entries until the size [bytes] fits; return their number."""
+        """Remove the least recently used files until the cache is at most `limit` [bytes].
+
+        The result is the number of removed files.
+        """
         total, removed = 0, 0
         for path in self.entries()[::-1]:
             total += path.stat().st_size
@@ -80,7 +83,7 @@ class RecordCache:
 
 
 def default_cache() -> RecordCache:
-    """Return the user's cache: FLEXAXIS_CACHE if set, otherwise a folder in the user's cache."""
+    """Return the cache of the user, in the folder FLEXAXIS_CACHE or in the usual cache folder."""
     from flexaxis.estimators.models.compiler import user_cache
 
     usual = user_cache() / "flexaxis" / "records"
@@ -88,9 +91,9 @@ def default_cache() -> RecordCache:
 
 
 def records(scenario: Scenario, seeds: Sequence[int], cache: RecordCache | None) -> list[Record]:
-    """Return the records of some seeds from the cache, and simulate those that are missing.
+    """Return the records of some seeds from the cache, and simulate the missing records.
 
-    A cached record and a simulated one are equal to the last bit.
+    A cached record and a simulated record are equal to the last bit.
     """
     if cache is None:
         return simulate(scenario, seeds)
@@ -106,7 +109,7 @@ def records(scenario: Scenario, seeds: Sequence[int], cache: RecordCache | None)
 
 
 def keep_nominal_runs(cache: RecordCache | None) -> AbstractContextManager[None]:
-    """Return a context that caches nominal runs, too, because many scenarios share them."""
+    """Return a context in which nominal runs, which many scenarios share, are cached as well."""
     return nominal_runs(lambda scenario: records(scenario, [0], cache)[0].torque)
 
 

@@ -1,4 +1,4 @@
-"""The work on one unit: simulate its records, run the estimators and score the estimates."""
+"""Work of a worker on one unit: simulate records, run estimators and score the estimates."""
 
 import io
 import json
@@ -59,7 +59,7 @@ class Options:
     time_limit : float
         Time limit for one run of a user's estimator [s].
     log : str
-        File for the traceback of a run that exceeds the limit.
+        Path of the file for the traceback of a run that exceeds the time limit.
     """
 
     cache: RecordCache | None = None
@@ -75,17 +75,19 @@ class Done:
     Attributes
     ----------
     id : str
+        Id of the case, from `case_id`.
     about : str
-        Properties that the cases of an estimator on a scenario share, as JSON.
+        Properties that all cases of an estimator on a scenario share, as JSON.
     seed : int
+        Seed of the record.
     numbers : ndarray (p, n)
-        Columns `NUMBERS`; NaN means undefined.
+        Values of the columns `NUMBERS`, with one row per parameter; NaN means undefined.
     isolation : str or None
         Parameters that the estimator named for each fault, as JSON.
     error : str or None
         Error message of a failed case.
     trace : bytes or None
-        Data for its figures, from `pack`.
+        Data for the figures of the case, from `pack`.
     """
 
     id: str
@@ -98,12 +100,12 @@ class Done:
 
 
 Outcome = list[Done | str]
-"""Results of the cases of a unit; a text explains why the machine could not run a case."""
+"""Result of each case of a unit, or a text that explains why the machine could not run the case."""
 
 
 def run_unit(unit: Unit, options: Options) -> Outcome:
     """Run the cases of a unit."""
-    # One thread, so that rows are equal to the last bit on every worker.
+    # With one thread, the rows of all workers are equal to the last bit.
     with threadpool_limits(1), keep_nominal_runs(options.cache), warnings.catch_warnings():
         warnings.filterwarnings("ignore", category=UserWarning, module="flexaxis")
         seeds = list(dict.fromkeys(seed for _, _, seed in unit.cases()))
@@ -121,7 +123,7 @@ def simulate_units(units: Sequence[Unit], options: Options) -> None:
 def _records(
     scenario: Scenario, seeds: Sequence[int], cache: RecordCache | None
 ) -> dict[int, Record | str]:
-    """Return the records of some seeds, or the error if a simulation fails."""
+    """Return the record of each seed, or the error message if the simulation of this seed fails."""
     try:
         return dict(zip(seeds, records(scenario, seeds, cache), strict=True))
     except SimulationError as error:
@@ -133,7 +135,7 @@ def _records(
 def _run(unit: Unit, case: PlannedCase, record: Record | str, options: Options) -> Done | str:
     """Run a case and return it, or return the reason why the machine could not run it."""
     _, setting, seed = case
-    if isinstance(record, str):  # the simulation failed: one row without scores
+    if isinstance(record, str):  # the simulation failed: return one row without scores
         return _done(unit, case, [undefined()], record)
     error = unit.error
     try:
@@ -146,11 +148,11 @@ def _run(unit: Unit, case: PlannedCase, record: Record | str, options: Options) 
         error = f"{type(raised).__name__}: {raised}"
     assert record.true_parameters is not None
     lost = failed_track(unit.scenario.drawn(seed), record.true_parameters, record.torque)
-    return _done(unit, case, rows(lost), error)  # diverged at its first sample
+    return _done(unit, case, rows(lost), error)  # counts as diverged at the first sample
 
 
 def run_case(scenario: Scenario, record: Record, spec: Spec, options: Options = Options()) -> Case:
-    """Run an estimator on a record and score it.
+    """Run an estimator on a record and score the estimates.
 
     Raises
     ------
@@ -186,17 +188,20 @@ def follow(
     text : str
         Name of the estimator, for messages.
     estimator : Estimator
+        Estimator in its initial state.
     scenario : Scenario
-        Scenario of the record, which defines the first fault.
+        Scenario of the record, which defines the time of the first fault.
     record : Record
+        Record with the torque and the measured outputs.
 
     Returns
     -------
     theta : ndarray (N, p)
+        Estimates after each sample.
     claimed : ndarray (p, p) or None
         Reported covariance at the sample that `claimed_at` returns.
     innovations : ndarray (N, 2) or None
-        Innovations y − ŷ and their reported variances.
+        Innovations y − ŷ, and the variances that the estimator reports for them.
 
     Raises
     ------
@@ -206,7 +211,7 @@ def follow(
     where, samples = f"on {scenario.name}, seed {record.seed}", len(record.time)
     y, claimed = getattr(record, estimator.output), None
     thetas, shown = [], list[Any]()
-    # The record is cut every second, so that a cut does not reveal the time of the fault.
+    # The record is cut after every second, so that the cuts do not reveal the time of the fault.
     size = sample_index(1.0, scenario.period) if hasattr(estimator, "covariance") else samples
     for first in range(0, samples, size):
         part = slice(first, min(first + size, samples))
@@ -232,11 +237,12 @@ def track_of(  # noqa: PLR0917
     scenario: Scenario, record: Record, estimated: Sequence[str], theta: Array, claimed: Any,
     innovations: Array | None, findings: Sequence[Any] | None,
 ) -> Track:  # fmt: skip
-    """Return the track of estimates, without parameters whose initial true value is zero.
+    """Return the track of estimates, without parameters that have an initial true value of zero.
 
     Parameters
     ----------
     scenario : Scenario
+        Scenario with the onset of this record.
     record : Record
         A simulated record.
     estimated : sequence of str
@@ -286,6 +292,6 @@ def pack(case: Case) -> bytes:
 
 
 def unpack(content: bytes) -> Case:
-    """Return the case from the bytes that `pack` returned, without its rows."""
+    """Return the case from the bytes that `pack` returned; the rows of the case are empty."""
     with np.load(io.BytesIO(content)) as stored:
         return Case(tuple(stored["names"].tolist()), stored["curve"], stored["near"])

@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 
 def true_values(names: Sequence[str], record: Record, at: Any) -> dict[str, Any]:
-    """Return the true values of the parameters that a record contains, at samples `at`."""
+    """Return the true values at samples `at`, for those parameters that the record contains."""
     known = [name for name in names if physical(name)[0] in record.parameter_names]
     if record.true_parameters is None or not known:
         return {}
@@ -27,15 +27,16 @@ def true_values(names: Sequence[str], record: Record, at: Any) -> dict[str, Any]
 def run_on(
     estimator: Estimator, u: Array, y: Array, valid: NDArray[np.bool_] | None = None
 ) -> tuple[Array, Array | None, NDArray[np.bool_]]:
-    """Run an estimator from its current state; read its reported covariance after each sample.
+    """Run an estimator from its current state; read the reported covariance after each sample.
 
     Parameters
     ----------
     estimator : Estimator
+        Estimator in its current state.
     u, y : ndarray (n,)
         Torque [N m] and measured output.
     valid : ndarray (n,) of bool, optional
-        Whether each y was measured (default: all).
+        False for each sample at which y was not measured (default: y was always measured).
 
     Returns
     -------
@@ -44,7 +45,7 @@ def run_on(
     covariance : ndarray (n, p, p) or None
         Covariance that the estimator reports after each sample.
     alarms : ndarray (n,) of bool
-        Whether the estimator raised an alarm at each sample.
+        True for each sample at which the estimator raised an alarm.
     """
     n, p, claims = len(y), len(estimator.names), hasattr(estimator, "covariance")
     theta, claimed, alarms = np.empty((n, p)), np.empty((n, p, p)), np.zeros(n, bool)
@@ -67,7 +68,7 @@ def write_estimates(
     path: Path, times: Any, theta: Any, names: Sequence[str], about: Mapping[str, Any],
     **claimed: Array | None,
 ) -> None:  # fmt: skip
-    """Write estimates to NetCDF-4: ``time``, ``theta`` (time, estimate) and reported covariances.
+    """Write a NetCDF-4 file with ``time``, ``theta`` (time, estimate) and reported covariances.
 
     Parameters
     ----------
@@ -82,7 +83,7 @@ def write_estimates(
     about : mapping
         Attributes of the file.
     **claimed : ndarray or None
-        Reported ``covariance`` (N, p, p) or standard ``deviation`` (N, p).
+        ``covariance`` (N, p, p) or standard ``deviation`` (N, p) that the estimator reports.
 
     Raises
     ------
@@ -100,5 +101,5 @@ def write_estimates(
     coords = {"time": ("time", times, {"units": "s"}), "estimate": np.array(names, object)}
     content = xarray.Dataset(data, coords, about).to_netcdf(engine="h5netcdf")
     make_folder(path.parent)
-    with new_file(path) as part:  # HDF5 would end the process if it wrote to a full disk itself
+    with new_file(path) as part:  # HDF5 ends the process if HDF5 itself writes to a full disk
         part.write_bytes(content)

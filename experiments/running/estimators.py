@@ -1,9 +1,9 @@
-"""Create estimators from the text of `--estimator`, with the values that they may know of the axis.
+"""Create estimators from the text of `--estimator` and from the known properties of an axis.
 
-The text is the name of a registered estimator or of an entry point in the group
+The text is the name of a registered estimator, the name of an entry point in the group
 `flexaxis.estimators`, ``path/file.py:Class``, or ``package.module:Class``. Options follow in
-brackets and are written as in TOML (``rpem-forgetting[forgetting=0.99]``). The text
-``pipe:COMMAND`` runs a program in any language.
+brackets, in the syntax of TOML (``rpem-forgetting[forgetting=0.99]``). The text ``pipe:COMMAND``
+runs a program in any language.
 """
 
 import inspect
@@ -47,12 +47,12 @@ from flexaxis.sim.parameters import ESTIMATED_ONLY, LAW_NAMES
 from flexaxis.sim.scenario import Scenario
 
 GROUP = "flexaxis.estimators"
-KEPT = 48  # registered estimators that are cached in a process
+KEPT = 48  # number of registered estimators that a process caches
 Factory = Callable[..., Any]
 
 
 class Misfit(EstimatorError):
-    """An estimator and a scenario do not fit each other, although each of them is valid."""
+    """An estimator cannot run on a scenario, although both are valid."""
 
 
 @dataclass(frozen=True)
@@ -64,9 +64,9 @@ class Spec:
     text : str
         Text as for `--estimator`.
     options : mapping
-        Options in the text.
+        Options in the text, keyed by name.
     session : callable or None
-        Class that was defined in this session instead of a file.
+        Class of the estimator, if it was defined in this session instead of a file.
     """
 
     text: str
@@ -80,12 +80,12 @@ class Spec:
 
     @property
     def is_users(self) -> bool:
-        """Whether it is user code: a file, module, program, entry point or session class."""
+        """Whether the estimator is user code: a file, module, program, entry point or class."""
         return self.session is not None or self.name not in REGISTRY
 
     @property
     def make(self) -> Factory:
-        """The class or factory function; user code is imported on first access."""
+        """The class or factory function of the estimator; access imports user code."""
         if self.text.startswith(PIPE):
             return partial(PipeEstimator, self.text.removeprefix(PIPE))
         if self.session is not None:
@@ -101,8 +101,8 @@ class Spec:
     def digest(self) -> str | None:
         """Digest of user code; None for a registered estimator or an entry point.
 
-        The digest covers the file of the class, all files in the words of a command, or the source
-        of a session class.
+        The digest is computed from the file of the class, from all files that are words of a
+        command, or from the source of a class that was defined in this session.
         """
         if self.session is not None:
             content = _source(self.session)
@@ -132,7 +132,7 @@ _session: dict[str, Factory] = {}
 
 
 def text_of(make: str | Factory) -> str:
-    """Return the text for a class: ``module:Class`` or its name; a text is returned unchanged."""
+    """Return ``module:Class`` or the name of a class; a text is returned unchanged."""
     if isinstance(make, str):
         return make
     name, module = getattr(make, "__name__", ""), getattr(make, "__module__", "__main__")
@@ -154,7 +154,7 @@ def parse(text: str) -> Spec:
     Raises
     ------
     EstimatorError
-        If there is no such estimator, file or option.
+        If the text names an estimator, file or option that does not exist.
     """
     if text.startswith(PIPE):  # brackets are part of the command
         return Spec(text)
@@ -179,7 +179,7 @@ def _installed() -> dict[str, Any]:
 
 
 def written_options(text: str) -> dict[str, Any]:
-    """Return the options in a text.
+    """Return the options in the text of an estimator.
 
     Raises
     ------
@@ -198,7 +198,7 @@ def written_options(text: str) -> dict[str, Any]:
 
 
 def with_options(text: str, options: Mapping[str, Any]) -> str:
-    """Return an estimator's text with some options set.
+    """Return the text of an estimator with some options added or replaced.
 
     Examples
     --------
@@ -219,12 +219,12 @@ def _written(value: Any) -> str:
 
 
 def keywords(spec: Spec) -> set[str]:
-    """Return the keywords of a constructor other than nominal values and period.
+    """Return the keywords of an estimator's constructor, without nominal values and period.
 
     Raises
     ------
     EstimatorError
-        If the text has an option that is not among the keywords.
+        If the text contains an option that is not one of the keywords.
     """
     parameters = list(inspect.signature(spec.make).parameters.values())[2:]
     known = {p.name for p in parameters if p.kind in (p.KEYWORD_ONLY, p.POSITIONAL_OR_KEYWORD)}
@@ -238,10 +238,10 @@ def keywords(spec: Spec) -> set[str]:
 
 
 def make_estimator(spec: Spec, nominal: Any, period: float, **known: Any) -> Estimator:
-    """Return an estimator from nominal values (a mapping or a model) and a period [s].
+    """Construct an estimator from nominal values (a mapping or a model) and a period [s].
 
-    Values of `known` are passed if the constructor has these keywords. Options in the text take
-    precedence.
+    Each value of `known` is passed if the constructor has this keyword. Options in the text take
+    precedence over `known`.
 
     Raises
     ------
@@ -265,13 +265,13 @@ def make_estimator(spec: Spec, nominal: Any, period: float, **known: Any) -> Est
 
 
 def build(spec: Spec, scenario: Scenario) -> Estimator:
-    """Return a new estimator with the values that it may know of a scenario.
+    """Construct an estimator from those properties of a scenario that estimators may know.
 
     The constructor receives the nominal parameters (scaled by `start`, with data-sheet values) and
-    the period. If it has these keywords, it also receives `identify`, `output`, `noise` (if the
-    data sheet has it) and `torque` (of a nominal run, to compute P(0)). Registered estimators are
-    cached and copied, because construction takes as long as a run. User estimators are constructed
-    for each run.
+    the period. If the constructor has these keywords, it also receives `identify`, `output`,
+    `noise` (if the data sheet contains a noise level) and `torque` (of a nominal run, to compute
+    P(0)). Registered estimators are cached and copied, because the construction takes as long as a
+    run. User estimators are constructed for each run.
 
     Raises
     ------
@@ -298,13 +298,13 @@ def _registered(key: bytes) -> Any:
     text, model, nominal, period, known = pickle.loads(key)
     axis = nominal if model == DEFAULT else MODELS[model].factory(nominal)
     estimator: Any = make_estimator(parse(text), axis, period, **known)
-    run_estimator(estimator, np.zeros(2), np.zeros(2))  # compile now, outside the measured cost
+    run_estimator(estimator, np.zeros(2), np.zeros(2))  # compile before the time is measured
     estimator.reset()
     return estimator
 
 
 def _known(spec: Spec, scenario: Scenario, nominal: Mapping[str, float]) -> dict[str, Any]:
-    """Return keyword arguments from a scenario: `identify`, `output`, `noise` and others."""
+    """Return keyword arguments for a constructor: `identify`, `output`, `noise` and others."""
     from flexaxis.experiments.scoring.nominal import design_torque, nominal_torque
 
     laws = bool(getattr(REGISTRY.get(spec.name, spec.make), "laws", False))
@@ -321,7 +321,7 @@ def _known(spec: Spec, scenario: Scenario, nominal: Mapping[str, float]) -> dict
         known["onsets"] = tuple(event.index for event in scenario.events())
     if "torque" in keywords(spec) and "P0" not in spec.options:
         model = MODELS[scenario.model].factory(nominal)
-        if laws:  # the torque gives the scale of friction
+        if laws:  # the scale of friction is computed from the torque
             known["torque"] = design_torque(scenario)
         elif spec.is_users or stored_P(model, identify, scenario.period, forgetting=None) is None:
             known["torque"] = nominal_torque(scenario)
@@ -329,7 +329,7 @@ def _known(spec: Spec, scenario: Scenario, nominal: Mapping[str, float]) -> dict
 
 
 def _check_fits(text: str, estimator: Estimator, scenario: Scenario) -> None:
-    """Raise if an estimator cannot run on a scenario, or if its estimates cannot be scored."""
+    """Raise an error if an estimator cannot run on a scenario, or its estimates not be scored."""
     names, besides = tuple(estimator.names), (*LAW_NAMES, *ESTIMATED_ONLY)
     problems = estimated_problems(names, scenario, key="names", besides=besides)
     if lines := [f"{text}: {key}: {problem}" for key, problem in problems]:

@@ -9,12 +9,12 @@ from functools import partial
 QUIET: ContextVar[bool] = ContextVar("quiet", default=False)
 """Whether to suppress progress and remarks."""
 LINE: ContextVar[str] = ContextVar("line", default="")
-"""The command line of the running command, empty if Python code calls flexaxis."""
+"""Command line of the running command; empty if flexaxis is called from Python code."""
 
 
 @contextmanager
 def progress(what: str, total: float) -> Iterator[Callable[[float], None]]:
-    """Yield a function to call with the amount of work done since its last call.
+    """Yield a function that takes the amount of work done since the last call of this function.
 
     A terminal shows a progress bar with the remaining time; other outputs show nothing.
     """

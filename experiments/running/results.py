@@ -36,12 +36,14 @@ class Results:
     Parameters
     ----------
     store : Store
+        Store of the rows.
     study : mapping
         Description from `describe`; without ``variants``, the results include all cases.
 
     Attributes
     ----------
     folder : Path or None
+        Folder of the store; None for rows in memory.
     axes : tuple of str
         Swept keys.
     """
@@ -57,7 +59,7 @@ class Results:
         Raises
         ------
         StudyError
-            If the folder has no rows, or none from a run or a study.
+            If the folder contains no rows, or no rows of a run or a study.
         """
         store = Store.read(Path(folder))
         if study := store.told("study"):
@@ -77,7 +79,7 @@ class Results:
 
     @cached_property
     def _variants(self) -> dict[int, dict[str, Any]]:
-        """The properties that the cases of an estimator on a scenario share, in row order."""
+        """Properties that all cases of an estimator on a scenario share, in the order of rows."""
         every = self._store.variants()
         labels = {_key(label): label for label in self.study.get("variants", every.values())}
         order = {key: place for place, key in enumerate(labels)}
@@ -91,12 +93,12 @@ class Results:
 
     @property
     def cases(self) -> int:
-        """Number of cases, including failed ones."""
+        """Number of cases, including failed cases."""
         return int(self.frame["case"].nunique())
 
     @property
     def missing(self) -> int:
-        """Number of cases of the study without results, such as the cases of other shards."""
+        """Number of cases of the study that have no results, such as the cases of other shards."""
         return len(self.study["variants"]) * len(self.study["seeds"]) - self.cases
 
     @property
@@ -111,7 +113,7 @@ class Results:
         return pd.DataFrame(self.pooled(*by, scores=scores))
 
     def pooled(self, *by: str, scores: Sequence[str] | None = None) -> list[dict[str, Any]]:
-        """Return scores pooled over groups of rows, with 95 % intervals.
+        """Return scores that are pooled over groups of rows, with 95 % intervals.
 
         Parameters
         ----------
@@ -124,9 +126,10 @@ class Results:
         Returns
         -------
         list of dict
-            The columns of `by`, ``parameter, changed, runs, seeds``, and the scores as in
-            summary.json, in the order of the study. The excess error is None if a group contains
-            several scenarios, because it is defined for one scenario.
+            One dict per group, in the order of the study, with the columns of `by`, ``parameter,
+            changed, runs, seeds``, and the same scores as in summary.json. The excess error is None
+            for a group with several scenarios, because the excess error is defined for a single
+            scenario.
 
         Raises
         ------
@@ -162,7 +165,7 @@ class Results:
             scenario = self.scenario(self.frame.loc[first])
             by_name = {name: own for (name, _), own in columns.items()}
             asked = {n: v for n, v in by_name.items() if n in scenario.identify} or by_name
-            if len({v["seed"].tobytes() for v in asked.values()}) == 1:  # of the same cases
+            if len({v["seed"].tobytes() for v in asked.values()}) == 1:  # all from the same cases
                 return summary.excess(asked, scenario)
         return {"excess": None, "excess_interval": None}
 
@@ -197,10 +200,10 @@ class Results:
             self.frame.to_parquet(part, index=False)
 
     def to_xarray(self) -> xarray.Dataset:
-        """Return numbers as a Dataset over scenario, estimator, point, seed and parameter.
+        """Return a Dataset with dimensions scenario, estimator, point, seed and parameter.
 
         A point is a combination of swept values. Missing and undefined values are NaN. The axes are
-        coordinates of the points; ``set_index(point=[...]).unstack("point")`` turns them into
+        coordinates of the points; ``set_index(point=[...]).unstack("point")`` turns the axes into
         dimensions.
         """
         axes, table = list(self.axes), self.frame[self.frame["parameter"] != ""]
@@ -213,12 +216,12 @@ class Results:
 
 
 def _plain(value: Any) -> Any:
-    """Return the value of an axis as a cell of a table: a number, a text, or JSON."""
+    """Convert the value of an axis to a cell of a table: a number, a text, or JSON."""
     return json.dumps(value) if isinstance(value, list | dict) else value
 
 
 def _value(value: Any) -> Any:
-    """Convert a value of a group to a Python value, and a missing value to None."""
+    """Convert a value that identifies a group to a Python value, and a missing value to None."""
     return None if pd.isna(value) else getattr(value, "item", lambda: value)()
 
 

@@ -50,11 +50,12 @@ Pair = tuple[Scenario, Spec]
 ENVIRONMENT = {"PYTHONSAFEPATH": "1"} | dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"
 )
-"""Environment of a worker: one thread, and no file of the current folder can hide a library."""
+"""Environment of a worker, with one thread. The current folder is not searched for modules, so no
+file in this folder can replace a library."""
 
 
 class Worker:
-    """One worker process, which runs one unit at a time and can be replaced on its own."""
+    """One worker process, which runs one unit at a time and can be ended on its own."""
 
     def __init__(self) -> None:
         self._pool = _pool()
@@ -78,7 +79,7 @@ def _pool() -> ProcessPoolExecutor:
 
 
 def _start(parent: int) -> None:
-    """Prepare a worker: ignore Ctrl-C, keep stdout free, and end when the parent process ends."""
+    """Prepare a worker: ignore Ctrl-C, redirect stdout to stderr, and end if the parent ends."""
     for kind in (signal.SIGINT, signal.SIGTERM):
         signal.signal(kind, signal.SIG_IGN)
     os.dup2(2, 1)
@@ -92,12 +93,13 @@ def _end_with(parent: int) -> None:
 
 
 class Runner:
-    """Context manager that runs studies and stores their rows; studies share its workers.
+    """Context manager that runs studies on the same workers and stores the rows.
 
     Parameters
     ----------
     folder : Path, optional
-        Folder for the rows, where later runs find them; without a folder, rows stay in memory.
+        Folder for the rows, from which later runs read finished cases; without a folder, rows are
+        kept in memory.
     jobs : int
         Number of worker processes.
     executor : concurrent.futures.Executor, optional
@@ -107,14 +109,14 @@ class Runner:
     time_limit : float
         Time limit for one run of a user's estimator [s].
     overwrite : bool
-        Whether to remove the rows of the folder first.
+        Whether to remove the existing rows in the folder before the first run.
     shard : (int, int)
-        Number of the shard to run, starting at 1, and the number of shards.
+        Number of the shard to run, counted from 1, and number of shards.
 
     Raises
     ------
     StudyError
-        If other code made the rows in the folder.
+        If the rows in the folder were made by another version of the code.
     FlexaxisError
         If the number of jobs or the time limit is invalid.
     """
@@ -137,7 +139,7 @@ class Runner:
 
     @cached_property
     def store(self) -> Store:
-        """The store of rows; the folder is created or emptied on first access."""
+        """Store of rows; the folder is created, or its old rows are removed, on first access."""
         store = Store(self._folder, overwrite=self._overwrite)
         store.check()
         return store
@@ -159,20 +161,22 @@ class Runner:
         Parameters
         ----------
         study : Study
+            Study to run.
         traces : bool
-            Whether to keep the curves for figures of single runs; cases without them run again.
+            Whether to keep the curves for figures of single runs. If true, stored cases that have
+            no curves are run again.
         about : mapping, optional
-            Further properties to store. With `about`, the study becomes the last study of the
-            folder.
+            Further properties to store. With `about`, the study is recorded as the last study of
+            the folder.
 
         Raises
         ------
         StudyError, EstimatorError
-            If the study is wrong, or an estimator cannot be constructed.
+            If the study is invalid, or an estimator cannot be constructed.
         NotRun
             If the machine could not run some cases; the finished cases are kept.
         KeyboardInterrupt
-            After Ctrl-C. Stored rows are kept, and the same call runs the missing cases.
+            After Ctrl-C. Stored rows are kept; a repetition of the call runs the missing cases.
         """
         plan = units(study)
         part = plan[self.shard[0] - 1 :: self.shard[1]]
@@ -205,7 +209,7 @@ class Runner:
         self, scenarios: Sequence[Scenario], estimators: Sequence[str], seeds: Sequence[int], *,
         traces: bool = False,
     ) -> pd.DataFrame:  # fmt: skip
-        """Return the rows (`Results.frame`) of some cases, and run the missing cases first."""
+        """Return the rows of the given cases (`Results.frame`) after running the missing ones."""
         study = Study("cases", tuple(scenarios), tuple(estimators), tuple(seeds))
         return self.run(study, traces=traces).frame
 
@@ -220,7 +224,7 @@ class Runner:
                 log = f"{self._logs}/{id(worker)}" if isinstance(worker, Worker) else os.devnull
                 future = worker.submit(run_unit, unit, replace(options, log=log))
                 running[future] = worker, unit, log
-            # The timeout lets Ctrl-C through.
+            # The timeout allows Ctrl-C to interrupt.
             done, _ = wait(running, timeout=0.5, return_when=FIRST_COMPLETED)
             for future in done:
                 worker, unit, log = running.pop(future)
@@ -231,7 +235,7 @@ class Runner:
                     yield self._after_death(worker, unit, log, error, queue)
 
     def _compile(self, todo: Sequence[Unit], options: Options) -> None:
-        """Let one worker compile all filters while the others simulate, if none is compiled yet."""
+        """If no filter is compiled, compile all filters on one worker while others simulate."""
         first, *others = self._workers
         if not (others and options.cache and isinstance(first, Worker) and is_uncompiled()):
             return
@@ -239,13 +243,17 @@ class Runner:
         compiling = first.submit(_problems, pairs, options)
         for i, worker in enumerate(others):
             worker.submit(simulate_units, todo[i :: len(others)], options)
-        while not wait([compiling], timeout=0.5).done:  # the timeout lets Ctrl-C through
+        while not wait([compiling], timeout=0.5).done:  # the timeout allows Ctrl-C to interrupt
             pass
 
     def _after_death(
         self, worker: Any, unit: Unit, log: str, error: BaseException, queue: deque[Unit]
     ) -> Outcome:
-        """Queue the cases of a unit one by one after a worker died; mark a lone case as failed."""
+        """Queue each case of a unit as a unit of its own after the death of a worker.
+
+        If the unit contains a single case with a user's estimator, this case is marked as failed.
+        For a single case with a registered estimator, the result is the reason for the death.
+        """
         if not isinstance(error, BrokenExecutor) and type(error).__name__ != "KilledWorker":
             raise StudyError(
                 f"{unit.scenario.name}, seeds {unit.seeds}: {type(error).__name__}: {error}"
@@ -260,18 +268,18 @@ class Runner:
         elif setting.spec.is_users:
             text = f"EstimatorCrash: {setting.text} crashed on {unit.scenario.name}, seed {seed}: "
             queue.appendleft(replace(unit, error=text + reason))
-        else:  # memory ran out, or the process was killed
+        else:  # out of memory, or the process was killed
             return [f"{unit.scenario.name}, seed {seed}: {reason}"]
         return []
 
     def misfits(self, scenarios: Sequence[Scenario], texts: Sequence[str]) -> dict[str, str]:
-        """Return the names of scenarios that an estimator cannot run on, each with the reason."""
+        """Return the reasons why estimators cannot run on scenarios, keyed by scenario name."""
         problems = self._problems([(each, parse(text)) for each in scenarios for text in texts])
         return {name: str(e) for name, e in problems.items() if isinstance(e, Misfit)}
 
     def _problems(self, pairs: Sequence[Pair]) -> Mapping[str, EstimatorError]:
-        """Return the error of each estimator that cannot be constructed, keyed by scenario."""
-        with suppress(BrokenExecutor):  # the runs will show which estimator ends its process
+        """Return the errors of estimators that cannot be constructed, keyed by scenario."""
+        with suppress(BrokenExecutor):  # the runs will show which estimator ends the process
             if pairs:
                 work = self._workers[0].submit(_problems, pairs, self._options)
                 return work.result()  # type: ignore[no-any-return]
@@ -279,7 +287,7 @@ class Runner:
 
 
 def _pairs(todo: Iterable[Unit]) -> list[Pair]:
-    """Return each setting once, with one of its scenarios."""
+    """Return one pair for each setting: one of the scenarios, and the specification."""
     pairs = {each.text: (unit.scenario, each.spec) for unit in todo for each in unit.settings}
     return list(pairs.values())
 
@@ -296,22 +304,23 @@ def _problems(pairs: Sequence[Pair], options: Options) -> dict[str, EstimatorErr
 
 
 def rerun(results: Results, runner: Runner, sample: int = 0) -> pd.DataFrame:
-    """Run cases of a folder again with the installed version, and compare their scores.
+    """Run cases of a folder again with the installed version, and compare old and new scores.
 
     Parameters
     ----------
     results : Results
-        Results of the folder, which stays unchanged.
+        Results in the folder, which is not changed.
     runner : Runner
         Runner that does not use this folder.
     sample : int
-        Number of cases to run, spread evenly; 0 for all cases.
+        Approximate number of cases to run, at equal distances in the list; 0 for all cases.
 
     Returns
     -------
     DataFrame
-        ``scenario, estimator, seed, parameter``, the ``score`` that differs most, and its relative
-        ``difference``, which is infinite if only one of the two values is defined.
+        Columns ``scenario, estimator, seed, parameter``, ``score``, the name of the score that
+        differs most, and ``difference``, the relative difference of this score, which is infinite
+        if only one of the two values is defined.
     """
     scores, key = [name for name in NUMBERS if "cost." not in name], ["seed", "parameter"]
     cases, lines = results.frame["case"].unique(), []
@@ -332,6 +341,6 @@ def rerun(results: Results, runner: Runner, sample: int = 0) -> pd.DataFrame:
 
 
 def check_failures(frame: pd.DataFrame) -> None:
-    """Raise an `EstimatorCrash` with the error of the first failed case, if there is one."""
+    """Raise an `EstimatorCrash` with the error of the first failed case, if any case failed."""
     for error in frame["error"].dropna():
         raise EstimatorCrash(error.partition(": ")[2])

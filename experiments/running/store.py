@@ -1,10 +1,10 @@
 """Store the rows of a folder in one SQLite file, with one transaction per unit.
 
-Table `cases` has one row per case. The scores of a case are the bytes of a float64 matrix
-(parameters, columns), because a million rows of text would take minutes to read; scores.csv is for
-other programs. Table `variants` has the properties that all cases of one estimator on one scenario
-share, `traces` has the data for figures of single runs, and `meta` has the columns, the versions
-and the last study.
+Table `cases` contains one row per case. The scores of a case are stored as the bytes of a float64
+matrix (parameters, columns), because reading a million rows of text would take minutes; scores.csv
+is for other programs. Table `variants` contains the properties that all cases of one estimator on
+one scenario share, `traces` contains the data for figures of single runs, and `meta` contains the
+names of the columns, the versions and the last study.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from flexaxis.experiments.scoring.summary import Case
 from flexaxis.sim.simulate import versions
 
 ROWS, CSV = "scores.sqlite", "scores.csv"
-WAIT = 600.0  # s to wait while another process writes
+WAIT = 600.0  # longest wait while another process writes [s]
 SHARED = ("scenario", "estimator", "setting", "hash", "seconds", "axes", "parameters")
 SCHEMA = """
 PRAGMA synchronous = NORMAL;
@@ -57,7 +57,7 @@ DETACH other;
 
 
 def made_with() -> dict[str, str]:
-    """Return what rows depend on: versions, and a digest of simulation, estimators and scores."""
+    """Return versions of packages, and a digest of the code, on which the rows depend."""
     code = digest_of("models_mjcf", "sim", "estimators", "experiments.scoring")
     return versions() | {"code": code}
 
@@ -68,7 +68,7 @@ class Store:
     Parameters
     ----------
     folder : Path or None
-        Folder, which is created if it is missing.
+        Folder of the file; a missing folder is created. None to keep the rows in memory.
     overwrite : bool
         Whether to remove existing rows.
 
@@ -110,12 +110,12 @@ class Store:
         return cls(folder)
 
     def check(self) -> None:
-        """Check that the existing rows were made by the present code.
+        """Check that the existing rows were made by this version of the code.
 
         Raises
         ------
         StudyError
-            If other code made the rows.
+            If the rows were made by another version.
         """
         old, now = self.told("made_with"), made_with()
         differ = [
@@ -135,13 +135,13 @@ class Store:
             return json.loads((self._db.execute(query, (key,)).fetchone() or ["null"])[0])
 
     def tell(self, **content: Any) -> None:
-        """Store entries in `meta`, and replace old entries of the same name."""
+        """Store entries in `meta`, and replace entries of the same name."""
         with self._reported(), self._db:
             lines = [(key, json.dumps(value, allow_nan=False)) for key, value in content.items()]
             self._db.executemany("INSERT OR REPLACE INTO meta VALUES (?, ?)", lines)
 
     def done(self, *, traced: bool = False) -> set[str]:
-        """Return the ids of all cases; if `traced`, only of cases that failed or have a trace."""
+        """Return the ids of all cases or, if `traced`, of cases that failed or have a trace."""
         some = " WHERE error NOT NULL OR id IN (SELECT id FROM traces)" if traced else ""
         with self._reported():
             return {case for (case,) in self._db.execute(f"SELECT id FROM cases{some}")}
@@ -166,7 +166,7 @@ class Store:
         Raises
         ------
         StudyError
-            If the folder has no rows, or other code made them.
+            If the folder contains no rows, or if they were made by another version of the code.
         """
         other = Store.read(folder)
         other.check()
@@ -177,18 +177,18 @@ class Store:
             self.tell(study=other.told("study"))
 
     def variants(self) -> dict[int, dict[str, Any]]:
-        """Return the properties that the cases of an estimator on a scenario share, keyed by id."""
+        """Return the properties that all cases of an estimator on a scenario share, by variant."""
         with self._reported():
             lines = self._db.execute("SELECT id, about FROM variants")
             return {key: json.loads(text) for key, text in lines}
 
     def frame(self, chosen: Mapping[int, Mapping[str, Any]]) -> pd.DataFrame:
-        """Return the rows of some variants, one per case and parameter, in the order of seeds.
+        """Return the rows of some variants, one per case and parameter, sorted by seed.
 
         Parameters
         ----------
         chosen : mapping
-            Selected entries of `variants`, in the order of the rows.
+            Selected entries of `variants`, in the order in which their rows are returned.
         """
         names, cases, numbers = self.told("columns"), [], bytearray()
         query = ("SELECT id, seed, isolation, error, numbers FROM cases "
@@ -219,7 +219,7 @@ class Store:
 
     @contextmanager
     def _reported(self) -> Iterator[None]:
-        """Turn SQLite errors into errors of flexaxis with a message of one line."""
+        """Convert errors of SQLite to errors of flexaxis with a message of one line."""
         try:
             yield
         except sqlite3.OperationalError as error:

@@ -20,8 +20,8 @@ Point = dict[str, Any]
 """Swept values, keyed by dotted key."""
 ALL = "estimator"
 """Prefix of an option that applies to every estimator."""
-SEEDS_PER_UNIT = 16  # enough to share the cost of a batch, few enough to see progress
-UNITS = 16  # smallest number of units, if there are enough records, to keep many processes busy
+SEEDS_PER_UNIT = 16  # enough for efficient batches, but few enough to show progress
+UNITS = 16  # smallest number of units (with enough records), so that many processes have work
 
 
 @dataclass(frozen=True)
@@ -31,17 +31,20 @@ class Study:
     Attributes
     ----------
     name : str
+        Name of the study.
     scenarios : tuple of Scenario
         Scenarios with different names.
     estimators : tuple of str
-        Texts as for `--estimator`.
+        Estimators as for `--estimator`.
     seeds : tuple of int
+        Seeds of the records.
     axes : tuple of str
         Swept keys; empty for a run.
     points : tuple of dict
-        Points of the sweep, each with a value for every axis.
+        Points of the sweep; each point contains a value for every axis.
     streams : {"common", "own"}
-        Whether all points of a scenario share random numbers ("common").
+        "common" if all points of a scenario have the same random numbers, "own" if each point has
+        its own.
 
     Raises
     ------
@@ -73,7 +76,7 @@ class Study:
 
     @property
     def block(self) -> int:
-        """Number of seeds in a unit; it depends only on the study, so all shards agree on it."""
+        """Number of seeds in a unit, which is the same for all shards of a study."""
         records = len(self.scenarios) * len(self.points) * len(self.seeds)
         return min(SEEDS_PER_UNIT, max(1, records // UNITS))
 
@@ -87,10 +90,11 @@ class Setting:
     estimator : str
         Text of the estimator in the study.
     text : str
-        Text with the swept options.
+        Text of the estimator with the swept options.
     axes : mapping
         Values of the swept options, keyed by option.
     spec : Spec
+        Specification for `text`.
     """
 
     estimator: str
@@ -105,7 +109,7 @@ PlannedCase = tuple[str, Setting, int]
 
 @dataclass(frozen=True)
 class Unit:
-    """The work that one process does at a time: one scenario, a block of seeds, all estimators.
+    """Work for one process: the cases of all estimators on one scenario, for a block of seeds.
 
     Attributes
     ----------
@@ -116,11 +120,14 @@ class Unit:
     axes : mapping
         Swept values of the scenario.
     settings : tuple of Setting
+        Settings of the estimators.
     seeds : tuple of int
+        Seeds of the records.
     done : frozenset of str
         Ids of cases to skip.
     error : str
-        Error of a case that is known to fail; the case is not run again.
+        Error message for a unit with a single case that is known to fail. If there is a message,
+        the case is stored as failed and not run again.
     """
 
     scenario: Scenario
@@ -147,7 +154,7 @@ def case_id(scenario_hash: str, setting: Setting, seed: int) -> str:
 
 
 def applies(key: str, estimator: str) -> bool:
-    """Return whether a key like "estimator.X" or "NAME.X" sets an option of this estimator.
+    """Return whether a key such as "estimator.X" or "NAME.X" sets an option of this estimator.
 
     Examples
     --------
@@ -158,7 +165,7 @@ def applies(key: str, estimator: str) -> bool:
 
 
 def is_option(key: str, names: Sequence[str]) -> bool:
-    """Return whether a key is an option of estimators rather than a key of the scenario."""
+    """Return whether a key sets an option of an estimator rather than a key of the scenario."""
     return any(applies(key, name) for name in (ALL, *names))
 
 
@@ -183,7 +190,7 @@ def units(study: Study) -> list[Unit]:
 
 
 def _settings(study: Study) -> dict[str, tuple[Setting, ...]]:
-    """Return the settings for each point of the swept scenario keys, keyed by the point's JSON."""
+    """Return the settings for each point of the swept scenario keys; the key is JSON."""
     options = [key for key in study.axes if is_option(key, study.estimators)]
     result: dict[str, dict[str, Setting]] = {}
     for point in study.points:
@@ -200,7 +207,7 @@ def _settings(study: Study) -> dict[str, tuple[Setting, ...]]:
 
 @contextmanager
 def _named(study: Study, axes: Point) -> Iterator[None]:
-    """Add the study and its point to the message of an error."""
+    """Add the name of the study and the swept values of a point to the message of an error."""
     try:
         yield
     except (ScenarioError, EstimatorError) as error:
@@ -210,7 +217,7 @@ def _named(study: Study, axes: Point) -> Iterator[None]:
 
 
 def missing(every: Sequence[Unit], done: set[str]) -> Iterator[Unit]:
-    """Yield the units with missing cases; a case in two units is run in the first one only."""
+    """Yield the units with missing cases; a case in two units is run in the first unit only."""
     planned = set(done)
     for unit in every:
         ids = {case for case, _, _ in unit.cases()}
@@ -220,7 +227,7 @@ def missing(every: Sequence[Unit], done: set[str]) -> Iterator[Unit]:
 
 
 def labels(unit: Unit, setting: Setting) -> dict[str, Any]:
-    """Return the properties that all cases of an estimator on a scenario share."""
+    """Return the properties that all cases of a setting on a scenario share."""
     return {
         "hash": unit.scenario.hash,
         "setting": setting.text,
@@ -233,11 +240,12 @@ def labels(unit: Unit, setting: Setting) -> dict[str, Any]:
 
 
 def describe(study: Study, every: Sequence[Unit]) -> dict[str, Any]:
-    """Return the description of a study that a folder stores as JSON.
+    """Return the description of a study, which is stored as JSON in the folder.
 
     Parameters
     ----------
     study : Study
+        Study to describe.
     every : sequence of Unit
         Units from `units`.
     """

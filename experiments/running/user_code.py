@@ -1,4 +1,4 @@
-"""User code: load it, report its errors, limit its time, and run programs through a pipe.
+"""Load user code, report errors in it, limit its run time, and run programs through a pipe.
 
 User code runs in the process that runs the case, without a sandbox. Run only code you trust.
 """
@@ -34,11 +34,11 @@ TIME_LIMIT = 600.0
 
 
 class EstimatorCrash(EstimatorError):
-    """An estimator raised an exception; the message names the estimator, exception and place."""
+    """Exception in an estimator; the message names the estimator, the exception and the place."""
 
 
 def names_code(text: str) -> bool:
-    """Return whether a text names user code: a file, module or program has a colon.
+    """Return whether a text names a file, module or program of the user, and so has a colon.
 
     Examples
     --------
@@ -60,7 +60,7 @@ def load_class(text: str) -> Callable[..., Any]:
     Raises
     ------
     EstimatorError
-        If the module cannot be imported, or has no such class.
+        If the module cannot be imported, or does not contain the class.
     """
     module, _, name = text.rpartition(":")
     with reported(text, "during import"):
@@ -73,7 +73,7 @@ def load_class(text: str) -> Callable[..., Any]:
 
 @cache
 def _module_of(path: Path) -> Any:
-    """Import a file; its folder comes last in the search path and cannot hide a library."""
+    """Import a file, and add its folder at the end of the search path, after all libraries."""
     if str(path.parent) not in sys.path:
         sys.path.append(str(path.parent))
     name = f"_flexaxis_user_{path.stem}_{abs(hash(path))}"
@@ -88,16 +88,16 @@ def _module_of(path: Path) -> Any:
 def reported(
     text: str, where: str, *, first: int = 0, period: float = 0.0, refusing: bool = False
 ) -> Iterator[None]:
-    """Turn an exception of an estimator into an error that names estimator, place and sample.
+    """Convert an exception of an estimator to an error that names estimator, place and sample.
 
     Parameters
     ----------
     text : str
         The estimator, as for `--estimator`.
     where : str
-        Place for the message, such as "in its constructor" or "on fm_step-v1, seed 1000".
+        Place in the message, such as "in its constructor" or "on fm_step-v1, seed 1000".
     first : int
-        Index of the first sample.
+        Index of the first sample that the estimator reads in this context.
     period : float
         Sampling period [s].
     refusing : bool
@@ -133,7 +133,7 @@ def describe(error: BaseException) -> str:
 
 
 def user_line(error: BaseException) -> str:
-    """Return the last traceback line in user code as ``file.py:12``, or an empty text."""
+    """Return the last line of user code in a traceback as ``file.py:12``, or an empty text."""
     frames = traceback.extract_tb(error.__traceback__)
     return next((f"{f.filename}:{f.lineno}" for f in frames[::-1] if _is_users(f.filename)), "")
 
@@ -148,7 +148,7 @@ FULL = {errno.ENOSPC, errno.EDQUOT, errno.ENOMEM}
 
 
 def is_of_the_machine(error: BaseException | None) -> bool:
-    """Return whether a lack of memory or disk space, or a missing package, caused an error."""
+    """Return whether too little memory or disk space, or a missing package, caused an error."""
     while error is not None:
         if isinstance(error, MemoryError | ModuleNotFoundError):
             return True
@@ -160,9 +160,10 @@ def is_of_the_machine(error: BaseException | None) -> bool:
 
 @contextmanager
 def ended_after(seconds: float | None, log: str) -> Iterator[None]:
-    """End this process if the block takes longer; `log` receives the traceback of all threads.
+    """End this process if the block takes longer than `seconds`.
 
-    The timer runs in C, so it also ends code that never returns to Python.
+    Before the process ends, the tracebacks of all threads are written to the file `log`. The timer
+    runs in C and therefore also stops code that never returns to Python.
     """
     with open(log, "w") as file:
         if seconds is not None:
@@ -174,7 +175,7 @@ def ended_after(seconds: float | None, log: str) -> Iterator[None]:
 
 
 def why_it_ended(log: str, seconds: float) -> str:
-    """Return why a worker died, from the file that `ended_after` wrote."""
+    """Return the reason for the death of a worker, based on the file that `ended_after` wrote."""
     if not (Path(log).exists() and Path(log).read_text(errors="replace")):
         return "its process died: the code ended it, memory ran out, or it was killed"
     return (
@@ -183,7 +184,7 @@ def why_it_ended(log: str, seconds: float) -> str:
     )
 
 
-HEAD = b"FLEXAXIS\1\0\0\0\4\3\2\1"  # version 1, and a number that shows the byte order
+HEAD = b"FLEXAXIS\1\0\0\0\4\3\2\1"  # version 1, and a number that indicates the byte order
 
 
 class PipeEstimator:
@@ -198,9 +199,9 @@ class PipeEstimator:
     period : float
         Sampling period [s].
     identify : sequence of str
-        Parameters of the scenario's `identify`; the program may choose others.
+        Parameters in the scenario's `identify`; the program may estimate other parameters.
     output : str
-        Signal that y contains.
+        Name of the measured signal y.
 
     Raises
     ------
@@ -227,13 +228,13 @@ class PipeEstimator:
         self.output = signals[place]
 
     def step(self, u: float, y: float | None) -> NDArray[np.float64]:
-        """Return θ[k] (p,) for u[k] and y[k]; None marks a gap and is sent as NaN."""
+        """Return θ[k] (p,) for u[k] and y[k]; None for a missing y is sent as NaN."""
         return self.run([u], np.array([y], float))[0]
 
     def run(self, u: ArrayLike, y: ArrayLike, valid: Any = True) -> NDArray[np.float64]:
         """Return θ (N, p) for u and y (N,)."""
         samples, answer = np.column_stack([u, np.where(valid, y, np.nan)]), b""
-        # The samples of a part fit into the buffer of a pipe, so neither side blocks.
+        # Each part is smaller than the buffer of a pipe, so neither process blocks the other.
         for part in np.split(samples, range(2048, len(samples), 2048)):
             size = len(part) * len(self.names) * 8
             answer += self._ask(struct.pack("<Q", len(part)) + part.tobytes(), size)

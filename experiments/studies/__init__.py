@@ -1,4 +1,4 @@
 """Studies and benchmarks: their definitions and the summaries of their results.
 
-`definition` reads a study from TOML; `benchmark` runs it and writes its summary and report.
+`definition` reads a study from TOML; `benchmark` runs a study and writes its summary and report.
 """

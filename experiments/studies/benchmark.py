@@ -61,10 +61,12 @@ def benchmark(
     suite : Suite
         Suite from `select`.
     estimators : sequence of str
-        Estimators that replace those of the suite, unless empty. Scenarios that one of them cannot
-        run on are left out.
+        Estimators to run instead of the suite's estimators; empty for the suite's estimators. A
+        scenario on which any of the given estimators cannot run is left out.
     seeds : sequence of int
+        Seeds of the records.
     runner : Runner
+        Runner for the cases.
     """
     own, swept, turned = suite.scenarios, suite.swept_scenarios, suite.swept_estimators
     if estimators:
@@ -86,13 +88,14 @@ def run(
     *,
     swept: tuple[Sequence[Scenario], Sequence[str]] = ((), ()),
 ) -> Results:
-    """Run the missing cases of a study; write its summary and report, except for a shard.
+    """Run the missing cases of a study; write the summary and the report, except for a shard.
 
     Parameters
     ----------
     study : Study
-        A study without axes is a run of a benchmark.
+        Study to run; a study without axes is a run of a benchmark.
     runner : Runner
+        Runner for the cases.
     swept : (sequence of Scenario, sequence of str)
         Scenarios and estimators to compare at equal noise, for the report of a run.
 
@@ -110,14 +113,14 @@ def run(
 
 
 def merge(shards: Sequence[Path], folder: Path, **options: Any) -> None:
-    """Merge the results of shards in a folder, and write the report.
+    """Merge the results of shards in one folder, and write the report.
 
     Parameters
     ----------
     shards : sequence of Path
         Folders of the shards.
     folder : Path
-        Folder for all results.
+        Folder for the merged results.
     **options
         Options of the `Runner` that compares estimators at equal noise.
     """
@@ -130,7 +133,7 @@ def merge(shards: Sequence[Path], folder: Path, **options: Any) -> None:
 
 
 def finish(results: Results, runner: Runner) -> None:
-    """Write the report of finished cases; for a run, also pool the scores and match the noise."""
+    """Write the report on finished cases; for a run, also write summary.json with pooled scores."""
     assert results.folder is not None
     if not results.axes:
         study = results.study
@@ -152,7 +155,7 @@ def finish(results: Results, runner: Runner) -> None:
 
 
 def write_report(results: Results, path: Path) -> None:
-    """Write the report of a study, or of a run from its summary.json."""
+    """Write the report on a study, or (using the file summary.json) on a run."""
     html = (study_report.render(results) if results.axes
             else run_report.render(results, summary_of(results.folder or Path())))  # fmt: skip
     write_text(path, html)
@@ -171,17 +174,20 @@ def swept(
     Parameters
     ----------
     scenarios : sequence of Scenario
+        Scenarios with faults.
     estimators : sequence of str
-        Estimators to compare; the reference is added. An estimator that fails at one of its first
-        settings is left out.
+        Estimators to compare; the reference is added. An estimator that fails at any setting of the
+        first sweep is left out.
     seeds : sequence of int
+        Seeds of the records.
     runner : Runner
+        Runner for the cases.
     """
     names = list(dict.fromkeys([REFERENCE, *estimators]))
     able = sweep.able(scenarios, names, seeds, runner.rows)
     result = sweep.sweep(scenarios, able, seeds, runner.rows)
     matched = faults_of(result.matched)
-    if not matched.empty:  # run again to keep the curves that the report shows
+    if not matched.empty:  # run these cases again to keep the curves for the report
         own = matched[matched["fault"] == widest(matched)]
         drawn = [s for s in scenarios if s.name == own["scenario"].iloc[0]]
         runner.rows(drawn, own["nearest"].tolist(), seeds, traces=True)
@@ -193,19 +199,20 @@ def swept(
 
 
 def plan(path: Path) -> dict[str, Any]:
-    """Return the size of a study, and estimate its time from one seed of its first variant.
+    """Return the size of a study, and an estimate of its duration from a run of one seed.
 
     Returns
     -------
     dict
-        ``variants`` (a list of dicts with the swept values), ``cases``, ``seconds`` on one core
-        (without user estimators), and ``megabytes`` of the rows.
+        ``variants`` is a list of dicts with a scenario and the swept values, ``cases`` is the
+        number of cases, ``seconds`` is the estimated time on one core [s], based on registered
+        estimators, and ``megabytes`` is the size of the rows [MB].
     """
     study = load_study(path)
     first = units(study)[0]
     settings = tuple(each for each in first.settings if not each.spec.is_users)
     one = replace(first, settings=settings, seeds=study.seeds[:1])
-    run_unit(one, Options())  # compiles
+    run_unit(one, Options())  # the first run compiles the filters
     start = time.process_time()
     run_unit(one, Options())
     seconds = (time.process_time() - start) / max(1, len(settings))
@@ -218,4 +225,4 @@ def plan(path: Path) -> dict[str, Any]:
     }
 
 
-BYTES = 4000  # size of a case in SQLite and scores.csv
+BYTES = 4000  # size of a case in SQLite and scores.csv together [bytes]

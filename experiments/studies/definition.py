@@ -21,24 +21,24 @@ from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.tables.config import Config, Word
 
 FIRST = 1000
-"""The first seed for reported results; seeds 0 to 99 are for tuning."""
+"""First seed for reported results; seeds 0 to 99 are for tuning."""
 MOST = 100_000  # largest number of seeds
 
 
 def seed_of(seed: Any) -> int:
-    """Return a seed; raise an error unless it is a whole number from 0 to 2^63 − 1."""
+    """Return a seed, or raise an error if the seed is not a whole number from 0 to 2^63 − 1."""
     if not isinstance(seed, int | np.integer) or not 0 <= seed < 2**63:
         raise FlexaxisError(f"seed {seed!s:.40}: give a whole number from 0 to 2^63 - 1")
     return int(seed)
 
 
 def seeds_of(seeds: Any, default: int = 8) -> tuple[int, ...]:
-    """Return seeds from their number N (1000 … 1000+N−1), a range "A:B" (A … B−1), or a list.
+    """Return seeds, given a number N (1000 … 1000+N−1), a range "A:B" (A … B−1), or a list.
 
     Raises
     ------
     FlexaxisError
-        If the seeds have none of these forms, or if there are too many.
+        If the seeds have none of these forms, or if there are too many seeds.
 
     Examples
     --------
@@ -62,7 +62,7 @@ def seeds_of(seeds: Any, default: int = 8) -> tuple[int, ...]:
 
 
 def texts_of(estimators: Any) -> tuple[str, ...]:
-    """Return the texts of one or several estimators; a class is represented by its name."""
+    """Return the texts of one or several estimators; the text of a class contains its name."""
     one = isinstance(estimators, str) or callable(estimators)
     return tuple(dict.fromkeys(map(specs.text_of, [estimators] if one else estimators)))
 
@@ -72,7 +72,7 @@ def _one_or_more(value: Any) -> Any:
 
 
 def _flat(value: Any) -> Any:
-    """Flatten nested tables to dotted keys, because TOML keys may be written without quotes."""
+    """Flatten nested tables to dotted keys: without quotes, TOML reads a.b as a nested table."""
     if not isinstance(value, Mapping):
         return value
     result: dict[str, Any] = {}
@@ -85,7 +85,7 @@ def _flat(value: Any) -> Any:
 
 
 def _estimator(text: str) -> str:
-    """Check the text of an estimator; user code is not imported before it runs."""
+    """Check the text that specifies an estimator, without importing user code."""
     specs.written_options(text) if names_code(text) else specs.parse(text)
     return text
 
@@ -118,11 +118,11 @@ class StudyFile(Config):
 
 
 BLANK = {"scenario": (), "estimators": (), "seeds": 1}
-"""Values that replace missing or wrong keys while the other keys are checked."""
+"""Values that replace missing or invalid values while the other keys are checked."""
 
 
 def load_study(path: str | Path) -> Study:
-    """Return the study in a TOML file; paths of scenario files are relative to its folder.
+    """Read a study from a TOML file; paths of scenario files are relative to the file's folder.
 
     Raises
     ------
@@ -137,7 +137,7 @@ def load_study(path: str | Path) -> Study:
 def study_from(
     content: Mapping[str, Any], *, source: str = "study", folder: Path = Path()
 ) -> Study:
-    """Return a study from keys and values like those of a TOML file.
+    """Return a study, given the same keys and values as in a TOML file.
 
     Parameters
     ----------
@@ -146,7 +146,7 @@ def study_from(
     source : str
         Name of the study in messages.
     folder : Path
-        Folder in which scenario files are searched before the current folder.
+        Folder in which scenario files are looked up before the current folder.
 
     Raises
     ------
@@ -157,7 +157,7 @@ def study_from(
     try:
         file = StudyFile.model_validate(dict(content), context=folder)
     except ValidationError as error:
-        # Unknown keys come first, because an unknown key is often a misspelt missing one.
+        # Missing keys come last, because an unknown key is often a missing key that is misspelt.
         problems += sorted(explain(error, StudyFile), key=lambda each: each[1] == "is missing")
         wrong = {item["loc"][0] for item in error.errors()}
         right = {key: value for key, value in content.items() if key not in wrong}
