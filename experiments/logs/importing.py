@@ -150,7 +150,7 @@ def on_clock(raw: Raw) -> tuple[Raw, str]:
         k = int(back[0]) + 1
         text = f"time goes from {time[k - 1]:.9g} s to {time[k]:.9g} s after the start at row {k}"
         if time[k] < 0.05 * time[k - 1]:
-            raise LogError(f"{text}: a new log begins there; use --rows 0:{k} or --rows {k}:")
+            raise LogError(f"{text}: a new log begins there; select one with --rows 0:{k} or {k}:")
         raise LogError(
             f"{text}, and does not advance at {len(back)} rows: remove rows that are logged twice "
             "or out of order, or, if the sampling was even, give --rate HZ instead of the time"

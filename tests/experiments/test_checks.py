@@ -262,7 +262,7 @@ def test_missing_rows_are_no_coarse_stamps(clean, tmp_path):
         (lambda t: np.r_[t[:500], t[499:]][: len(t)], "does not advance at 1 rows"),
         (
             lambda t: np.r_[t[:6000], t[:4000]],
-            "a new log begins there; take one with --rows 0:6000",
+            "a new log begins there; select one with --rows 0:6000",
         ),
     ],
 )
