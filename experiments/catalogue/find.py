@@ -162,13 +162,13 @@ def _frozen(scenario: Scenario, name: str) -> Scenario:
     """Return the scenario if the hash of its content is equal to the frozen hash of its name.
 
     Without this check, results of a changed scenario could be pooled with stored results of the
-    original scenario that has the same name.
+    original scenario.
     """
     frozen_hash, result = hashes().get(name), scenario.hash[:16]
     if frozen_hash is None:
         raise ScenarioError(
-            f"{name}: not frozen yet. When it is final, add the line "
-            f'"{name}" = "{result}" to {HOME / HASHES}. Until then, run it by its path'
+            f"{name}: not frozen yet. When the scenario is final, add the line "
+            f'"{name}" = "{result}" to {HOME / HASHES}. Until then, give the path of its file'
         )
     if frozen_hash != result:
         raise ScenarioError(

@@ -121,7 +121,7 @@ class Match:
 
     @property
     def nearest(self) -> Setting:
-        """The setting whose noise is closest to the noise of the reference."""
+        """The setting at which the noise is closest to the noise of the reference."""
         return min(self.sides, key=lambda side: abs(self.apart(side)))
 
     @property

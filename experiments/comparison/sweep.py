@@ -109,7 +109,7 @@ def texts(lines: Mapping[str, Line]) -> list[str]:
 
 
 def reference() -> str:
-    """Return the setting of the reference, at whose noise estimators are compared."""
+    """Return the setting of the reference estimator, which defines the noise for comparisons."""
     return str(with_knob(REFERENCE, 1.0))
 
 
@@ -176,7 +176,7 @@ class Runs:
 
 @dataclass(frozen=True)
 class Sweep:
-    """The results of a sweep over tuning parameters; all values are JSON.
+    """The results of a sweep over tuning parameters; all values can be written as JSON.
 
     Attributes
     ----------

@@ -183,7 +183,7 @@ def match_noise(text: str, trials: Trials) -> Tuned:
     least, most = sorted((knob.value(knob.least), knob.value(knob.most)))
     raise FlexaxisError(
         f"{name}: no setting of {knob.name} from {least:.4g} to {most:.4g} has the noise of "
-        f"{REFERENCE}. The last one tried is {tried}, with {np.exp(error):.3g} times that noise. "
+        f"{REFERENCE}. The last setting tried is {tried}, with {np.exp(error):.3g} × this noise. "
         f'If a smaller {knob.name} is faster, write knob = "1/{knob.name}"'
     )
 

@@ -279,7 +279,7 @@ class Axis:
         if self.done:
             raise FlexaxisError(
                 f"{self.scenario.name} ends after {self.scenario.duration:g} s: make a new axis, "
-                "or a longer one with duration=…"
+                "with a longer time in duration=… if necessary"
             )
         more = 0.0 if self._disturbance is None else self._disturbance[self._k, 0]
         self._plant.step(np.array([float(torque) + more]))

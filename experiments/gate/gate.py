@@ -220,7 +220,7 @@ def compare_runs(
         if results.axes or len(chosen) > 1 or chosen[0] not in texts:
             raise FlexaxisError(
                 f"{folder}: give the folder of a finished run, and choose its estimator with "
-                f"--base or --candidate. The folder has: {', '.join(texts)}"
+                f"--base or --candidate. The folder contains: {', '.join(texts)}"
             )
         names += chosen
         versions.append(summary_of(folder)["versions"])

@@ -29,14 +29,14 @@ TEXTS = {
     SAME: "same noise", SLIGHT: "same noise", WORSE: "more noise", BETTER: "less noise",
     UNDECIDED: "noise undecided",
     # reasons for undecided
-    "far": " (some run is much worse)",
+    "far": " (at least one run is much worse)",
     "few": " (too few runs to exclude rare failures)", "": "",
     # lost runs
     "diverged": "{4} of {1} runs newly diverge, {5} no longer do",
     "never_settled": "{4} of {1} runs no longer settle, {5} settle again",
     # advice
-    "unfair": "Not a fair comparison: the {0} also estimates {1}, which increases lag and noise "
-    "with any method; the {2} keeps their nominal values.",
+    "unfair": "Not a fair comparison: the {0} also estimates {1}, for which the {2} uses nominal "
+    "values. Estimating more parameters increases lag and noise with any method.",
     "scenarios": "Compare on scenarios that both can run, and whose faults both estimate.",
     "seeds": "More seeds may give a verdict: --max-seeds.",
     "tuned": "Tuned to the {0} of rpem-forgetting: base {1}, candidate {2}.",
@@ -45,7 +45,7 @@ TEXTS = {
 
 LEGEND = (
     "{seeds} paired seeds. Change: candidate relative to base (geometric mean) in percent, as a "
-    "factor (beyond 2 or ½), or as a difference. A std is about the mean of all runs.",
+    "factor (beyond 2 or ½), or as a difference. A std is computed around the mean of all runs.",
     "Interval: Student's t of paired log-ratios at the level of Holm's procedure. The probability "
     'of any false "worse" or "better" is at most {percent:.2g} %.',
     "worse, better: the interval lies outside the margin ({margins}), and enough runs confirm the "

@@ -232,7 +232,7 @@ def keywords(spec: Spec) -> set[str]:
         if key not in known:
             raise EstimatorError(
                 f"{spec.name} has no option {key!r}.{did_you_mean(key, known)} "
-                f"It has: {', '.join(sorted(known)) or 'none'}"
+                f"Its options: {', '.join(sorted(known)) or 'none'}"
             )
     return known
 
@@ -337,7 +337,7 @@ def _check_fits(text: str, estimator: Estimator, scenario: Scenario) -> None:
     if estimator.output != scenario.output or not known_names(scenario, names):
         raise Misfit(
             f"{text} reads {estimator.output!r} and estimates {', '.join(names)}, but "
-            f"{scenario.name} gives {scenario.output!r} and has "
+            f"{scenario.name} provides {scenario.output!r} and contains "
             f"{', '.join(scenario.parameter_names)}: change the estimator's `output`, or leave "
             "the scenario out"
         )

@@ -64,7 +64,7 @@ class Results:
         store = Store.read(Path(folder))
         if study := store.told("study"):
             return cls(store, study)
-        raise StudyError(f"{folder} has the rows of a comparison or a tuning, but no study")
+        raise StudyError(f"{folder} contains rows of a comparison or a tuning, but no study")
 
     @cached_property
     def frame(self) -> pd.DataFrame:

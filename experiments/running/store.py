@@ -124,7 +124,7 @@ class Store:
         if differ:
             raise StudyError(
                 f"the rows in {self.folder} were made by other code ({'; '.join(differ)}) and must "
-                "not be mixed with new ones. Choose another folder with -o, or remove the rows "
+                "not be mixed with new rows. Choose another folder with -o, or remove the rows "
                 "with --overwrite"
             )
 

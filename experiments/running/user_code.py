@@ -179,8 +179,8 @@ def why_it_ended(log: str, seconds: float) -> str:
     if not (Path(log).exists() and Path(log).read_text(errors="replace")):
         return "its process died: the code ended it, memory ran out, or it was killed"
     return (
-        f"TimeoutError: not finished within {seconds:g} s. If it needs longer, set --time-limit "
-        "(in Python time_limit=)"
+        f"TimeoutError: not finished within {seconds:g} s. If the estimator needs more time, set "
+        "--time-limit (in Python time_limit=)"
     )
 
 

@@ -167,11 +167,12 @@ def detections(names: Sequence[str]) -> Pool:
 
 
 def spread(std: ArrayLike, bias: ArrayLike, lost: Any = False) -> float:
-    """Return the standard deviation over time and seeds about the common mean.
+    """Return the standard deviation over time and seeds around the common mean.
 
-    The formula √(mean std² − (mean bias)²) includes variations slower than the window, because
-    subtracting the mean of each run would favour slow estimators. Diverged runs stay at one limit
-    and have no variance about their own mean, so their mean is not subtracted.
+    The formula √(mean std² − (mean bias)²) subtracts the common mean of all runs. Subtracting the
+    mean of each run instead would remove variations slower than the window, and so favour slow
+    estimators. The estimates of a diverged run count as constant at a limit, so subtracting the
+    mean would remove their whole error; the mean of diverged runs is therefore not subtracted.
 
     Parameters
     ----------

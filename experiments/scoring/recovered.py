@@ -19,7 +19,7 @@ COSTS = 0.2
 PARTS: Mapping[str, str] = {
     "without_fault": "rad", "frozen": "rad", "told": "rad", "estimated": "rad", "limited": ""
 }  # fmt: skip
-"""Columns of a row that describe the simulated control loops, with units."""
+"""Columns of a row with results of the simulated control loops, each with its unit."""
 
 
 def recovered_of(track: Track, i: int) -> float | None:

@@ -177,7 +177,7 @@ class Track:
 
     @cached_property
     def quiet(self) -> NDArray[np.intp]:
-        """The samples over which std and bias are computed."""
+        """The samples from which std and bias are computed."""
         return quiet(self.scenario)
 
     @property
@@ -287,7 +287,7 @@ def never_settled_of(track: Track, i: int) -> bool | None:
 
 
 def std_of(track: Track, i: int) -> float | None:
-    """Return the rms of θ̃ about zero before the fault [% of nominal]."""
+    """Return the rms of θ̃ before the fault [% of nominal], without subtracting the mean."""
     return finite(rms(track.percent[track.quiet, i])) if track.quiet.size else None
 
 

@@ -115,7 +115,7 @@ def claimed_at(scenario: Scenario) -> int:
 
 @remembered()
 def quiet(scenario: Scenario) -> NDArray[np.intp]:
-    """Return the samples over which std and bias are computed.
+    """Return the samples from which std and bias are computed.
 
     The samples are the last 5 s with excitation between burn-in and the first onset. Without a
     fault, the samples are the last 10 s of the run, or the last half if the run is shorter than

@@ -102,7 +102,7 @@ def run(
     Raises
     ------
     OutputError, StudyError, EstimatorCrash, NotRun
-        For the same reasons as in `Runner.run`.
+        Under the same conditions as in `Runner.run`.
     """
     tradeoff = {"scenarios": [s.resolved() for s in swept[0]], "estimators": list(swept[1])}
     about = {"title": study.name, "command": LINE.get(), "tradeoff": tradeoff}
