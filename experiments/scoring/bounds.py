@@ -1,9 +1,9 @@
 """
 Theoretical limits after a jump: the Cramér–Rao bound, the lag at the bound, and the score.
 
-docs/scores.md has the formulas with their sources. All formulas use the predictor gradient ψ along
-the true parameters, and assume white output noise of variance σ². Of an encoder that is the noise
-of the angle, whether estimators read the angle or its increments.
+docs/scores.md contains the formulas and their sources. All formulas use the predictor gradient ψ
+at the true parameters, and assume white output noise of variance σ². If estimators read the angle
+of an encoder or increments of this angle, the output noise is the noise of the angle.
 """
 
 from collections.abc import Sequence
@@ -47,11 +47,11 @@ def cramer_rao(
     psi : (N, p) array_like
         Gradient ψ₀ from the jump on.
     variance : float
-        σ² of the output noise.
+        Variance σ² of the output noise.
     theta : (p,) array_like
         Parameters after the jump.
     prior : (p, p) array_like, optional
-        Prior information, instead of P_b⁻¹/σ².
+        Prior information matrix that replaces P_b⁻¹/σ².
     """
     psi = np.asarray(psi, float)
     if prior is None:
@@ -63,14 +63,16 @@ def cramer_rao(
 
 def lag_bound(deviation: ArrayLike, size: float, *, period: float) -> float:
     """
-    Return the lag [s] of an estimator that attains the bound, Σ T min(1, √(2/π) s_n/D).
+    Return the lag Σ T min(1, √(2/π) s_n/D) [s] of an estimator that attains the bound.
 
     Parameters
     ----------
     deviation : (N,) array_like
         Standard deviation s_n at the bound, n samples after the jump.
     size : float
-        D, size of the jump.
+        Size D of the jump.
+    period : float
+        Sampling period T [s].
     """
     relative = np.sqrt(2 / np.pi) * np.asarray(deviation, float) / size
     return period * float(np.minimum(1.0, relative).sum())
@@ -79,7 +81,7 @@ def lag_bound(deviation: ArrayLike, size: float, *, period: float) -> float:
 @dataclass(frozen=True)
 class JumpBound:
     """
-    Lower bounds on the standard deviation of θ̂ for n samples from an event on.
+    Lower bounds on the standard deviation of θ̂ at n samples, of which the first is at an event.
 
     Attributes
     ----------
@@ -88,8 +90,8 @@ class JumpBound:
     single : ndarray (n, p)
         Bound for each parameter if only this parameter has changed and all others are known.
     learnt : ndarray (n, p)
-        Bound `unknown` if what the estimator is not told, `true_model.untold`, is learnt from the
-        data before the event.
+        Bound as in `unknown`, but if the parameters for which the estimator receives no exact value
+        (`true_model.untold`) must be learnt from the data before the event.
     """
 
     unknown: Array
@@ -106,12 +108,12 @@ def jump_bound(
     Parameters
     ----------
     scenario : Scenario
-        Scenario that has noise and that a model describes
+        Scenario with noise, for an axis that a model describes
         (`flexaxis.experiments.scoring.true_model.describes`).
     names : sequence of str
-        Parameters that are unknown after the event.
+        Names of the parameters that are unknown after the event.
     index, stop : int
-        Sample of the event, and the end of the samples for which the bound is computed.
+        Sample of the event, and end (exclusive) of the samples for which the bound is computed.
     u : (N,) array_like
         Torque of a record of the scenario [N m].
     """
@@ -122,7 +124,8 @@ def jump_bound(
     p, every = len(names), tuple(errors)
     if p == len(every):
         return result
-    # In the data before the event as if nothing had changed there; after it nothing of `names`.
+    # Before the event, all parameters are learnt as if none changed. This information is then kept
+    # for all parameters except `names`, which change at the event.
     before, size = _gradient(scenario, every, truth[0], np.zeros(0), u[:index])
     known = np.diag([error**-2 for error in errors.values()])
     learnt = np.linalg.inv(known + (before * size).T @ (before * size) / variance)
@@ -142,22 +145,22 @@ def bound_from(
     variance: float,
 ) -> JumpBound:
     """
-    Return the bounds from the physical parameters and the state at a jump.
+    Return the bounds after a jump, given the physical parameters and the state at the jump.
 
     Parameters
     ----------
     scenario : Scenario
         Scenario that defines the friction and the other laws of the axis.
     names : sequence of str
-        Parameters that are unknown after the jump.
+        Names of the parameters that are unknown after the jump.
     parameters : (q,) ndarray
-        Values after the jump, in the order of `Scenario.parameter_names`.
+        Physical parameters after the jump, in the order of `Scenario.parameter_names`.
     x : (n,) ndarray
         State at the jump. Bristle states may be left out, because they decay in milliseconds.
     u : (N,) ndarray
         Torque from the jump on [N m].
     variance : float
-        σ² of the output noise.
+        Variance σ² of the output noise.
     """
     psi, scale = _gradient(scenario, names, parameters, x, u)
     bound = cramer_rao(psi, variance, scale)
@@ -174,18 +177,18 @@ def _deviation(covariance: Array) -> Array:
 def _gradient(
     scenario: Scenario, names: Sequence[str], parameters: Array, x: Array, u: Array
 ) -> tuple[Array, Array]:
-    """Return the gradient ψ₀ (N, p) from a state on, and the sizes (p,) of the parameters."""
+    """Return the gradient ψ₀ (N, p) for an initial state, and the scales (p,) of the parameters."""
     model = true_model(scenario, parameters).parametrize(names)
     theta = model_theta(scenario, names, parameters)
     state = np.zeros(model.states)
     state[: len(x)] = x
     psi = jump_gradient(model, theta, u, state, period=scenario.period)
-    # The prior is scaled by the parameters, or by the nominal value if friction has become zero.
+    # The prior is scaled by the parameters, or by an initial value if friction has become zero.
     return psi, sizes(scenario, names, theta)
 
 
 def noise_variance(scenario: Scenario) -> float:
-    """Return the noise variance of the speed, or of the angle if estimators read an encoder."""
+    """Return the noise variance of the speed or, if estimators read an encoder, of the angle."""
     if not reads_encoder(scenario):
         return scenario.noise.speed**2
     counts = scenario.encoder.counts
@@ -202,11 +205,13 @@ class Limits:
     lag_null : float or None
         Lag of an estimator that never moves [s].
     lag_bound : float or None
-        Lag at the oracle Cramér–Rao bound if all estimated parameters are unknown [s].
+        Lag at the Cramér–Rao bound if the time of the jump and the state are known, but no
+        estimated parameter is known after the jump [s].
     lag_bound_single : float or None
-        Lag at the bound if this parameter alone is known to have changed [s].
+        Lag at the bound if all other parameters are known after the jump [s].
     lag_bound_learnt : float or None
-        Lag at the bound if the estimator learns before the fault what it is not told [s].
+        Lag at the bound if the parameters for which the estimator receives no exact value must be
+        learnt before the fault [s].
     """
 
     lag_null: float | None = None
@@ -216,7 +221,7 @@ class Limits:
 
 
 def limits(scenario: Scenario, names: Sequence[str], torque: Array) -> list[Limits]:
-    """Return the limits of each estimated parameter; `bounded` decides which are defined."""
+    """Return the limits of each estimated parameter; only those in `bounded` have limits."""
     spans = bounded(scenario, names)
     unknown = tracked(scenario, names)
     per_parameter = []
@@ -238,16 +243,17 @@ def limits(scenario: Scenario, names: Sequence[str], torque: Array) -> list[Limi
 
 @remembered()
 def record_limits(scenario: Scenario, torque: bytes) -> list[Limits]:
-    """Return the limits of a scenario's `identify` on a record, cached for other estimators."""
+    """Return the limits for the parameters in `identify`, cached for all estimators on a record."""
     return limits(scenario, scenario.identify, np.frombuffer(torque).copy())
 
 
 def bounded(scenario: Scenario, names: Sequence[str]) -> dict[str, Window]:
     """Return the parameters for which a bound is defined, each with its scoring window.
 
-    A parameter has a bound if it changes once, in a step, while the excitation is on. All other
-    faults must also be steps. A model must describe the axis, even if estimators do not use this
-    model, and there must be noise, because without noise nothing is uncertain.
+    A parameter has a bound if the parameter changes once, in a step, while the excitation is on.
+    All other faults must also be steps. A model must describe the axis, even if estimators do not
+    use this model. The scenario must have noise, because all bounds are zero without noise, and no
+    changes that are not faults.
     """
     if scenario.nuisance or not describes(scenario) or not noise_variance(scenario) > 0:
         return {}
@@ -283,10 +289,10 @@ def score(lag: float | None, limit: Limits) -> float | None:
 
 
 def limits_of(track: Track, i: int) -> Limits:
-    """Return the limits of one estimated parameter.
+    """Return the limits of the estimated parameter i.
 
-    The unknown parameters are those of the scenario's `identify`, even if an estimator estimates
-    more or fewer, so that the limits are the same for all estimators.
+    The limits are computed for the parameters in the scenario's `identify`, even if an estimator
+    estimates more or fewer parameters, so that the limits are the same for all estimators.
     """
     asked = track.scenario.identify
     if track.torque is None or track.names[i] not in asked:
@@ -297,7 +303,7 @@ def limits_of(track: Track, i: int) -> Limits:
 
 
 def limit_of(name: str, track: Track, i: int) -> float | None:
-    """Return one of the limits of one estimated parameter."""
+    """Return the limit `name` of the estimated parameter i."""
     limit: float | None = getattr(limits_of(track, i), name)
     return limit
 

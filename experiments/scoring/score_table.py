@@ -1,7 +1,7 @@
 """SCORES, the table of all scores: how each one is computed, pooled, named and displayed.
 
-Rows, summaries, tables, reports, exports and `compare` use this table, so adding a score takes one
-entry.
+Rows, summaries, tables, reports, exports and `compare` use this table, so one new entry is enough
+to add a score.
 """
 
 from collections.abc import Callable, Mapping
@@ -32,34 +32,36 @@ class Score:
     name : str
         Key in rows and summaries.
     of : callable
-        ``of(track, i)`` computes the score of the i-th estimated parameter, or None if undefined.
+        ``of(track, i)`` returns the score of the estimated parameter i, or None if the score is
+        undefined.
     words : str
         Description of the score.
     unit : str
-        Unit of the score, empty for a plain number. Every numeric score must have one.
+        Unit of the score; empty for a number without a unit, None for a score that is no number.
     better : {"less", "more"}, optional
-        Direction of improvement; None if the score has none.
+        Whether a smaller or a larger value is better; None if neither is.
     pool : callable, optional
         Function of `flexaxis.experiments.scoring.pooling`, such as ``pooling.mean`` or
         ``pooling.by(np.max)``. ``pool(columns, name)`` returns the entries of the pooled row. None
         for a score that is not pooled.
     heading : str
-        Heading of the column in the report, empty for a score that the report does not show.
+        Heading of the column in the report; empty for a score that the report does not show.
     short : str
-        Heading of the column in the terminal, empty for a score that the terminal does not show.
+        Heading of the column in the terminal; empty for a score that the terminal does not show.
     kind : {"number", "integer", "truth", "text"}
         Type of the values in the column.
     parts : mapping of str to str
-        Parts of a score that is a table, with their units; each part has its own column.
+        Units of the parts, keyed by the name of the part, for a score that consists of several
+        numbers. Each part has its own column.
     margin : float, optional
-        Relative change below which `compare` reports no difference. By default, `compare` leaves
+        Largest relative change that `compare` considers negligible. By default, `compare` leaves
         out scores without a margin.
     zero : float
-        Values below this limit count as zero [unit]. If any run has such a value, `compare` uses
-        differences instead of ratios.
+        Lower limit of the values that `compare` uses [unit of the score]. Smaller values are
+        replaced by this limit before ratios are computed.
     guard : bool
-        Whether the score can be negative. For such a score, `compare` uses the absolute value
-        relative to the noise, and reports only an increase.
+        Whether the score can be negative. For such a score, `compare` uses differences of absolute
+        means, divided by the noise, instead of ratios, and reports only an increase.
     """
 
     name: str
@@ -78,18 +80,18 @@ class Score:
 
     @property
     def compared(self) -> bool:
-        """Whether `compare` can use the score: a number for which less is better, or a guard."""
+        """Whether `compare` can use the score, because smaller numbers are better or as a guard."""
         return self.guard or (self.better == "less" and self.kind == "number")
 
 
 LIMITS = {
     "lag_null": "Lag of an estimator that never moves.",
-    "lag_bound": "Lag at the Cramér–Rao bound, for an estimator that knows the time and the state "
-    "at the jump, but not the estimated parameters (nor dry friction) after the jump.",
+    "lag_bound": "Lag at the Cramér–Rao bound, for an estimator that knows the time of the jump "
+    "and the state at the jump, but not the estimated parameters (nor dry friction) afterwards.",
     "lag_bound_single": "Lag at the Cramér–Rao bound, for an estimator that also knows which "
-    "parameter changed and the values of all others.",
-    "lag_bound_learnt": "Lag at the Cramér–Rao bound, for an estimator that must also learn, "
-    "before the fault, every parameter that it is not told.",
+    "parameter changed and the values of all other parameters.",
+    "lag_bound_learnt": "Lag at the Cramér–Rao bound, for an estimator that must also learn, from "
+    "the data before the fault, the parameters for which it receives no exact value.",
 }
 
 SCORES: Mapping[str, Score] = {
@@ -98,7 +100,7 @@ SCORES: Mapping[str, Score] = {
         Score(
             "lag",
             scores.lag_of,
-            "T Σ |θ̃|/D over the 5 s after the fault, or until the next event; D is the size of the "
+            "T Σ |θ̃|/D in the 5 s after the fault, or until the next event; D is the size of the "
             "fault. If the excitation is off at the fault, the window starts when the excitation "
             "returns. Geometric mean over the runs.",
             unit="s",
@@ -126,7 +128,7 @@ SCORES: Mapping[str, Score] = {
             "std",
             scores.std_of,
             "Standard deviation of the error before the fault (last 5 s of excitation; last 10 s "
-            "without a fault), over time and runs about their common mean.",
+            "without a fault), over time and runs, around their common mean.",
             unit="%",
             better="less",
             pool=pooling.deviation("bias", "lost_before"),
@@ -138,7 +140,7 @@ SCORES: Mapping[str, Score] = {
         Score(
             "bias",
             scores.bias_of,
-            "Mean error before the fault, over the same samples as std, averaged over the runs.",
+            "Mean error before the fault, in the same samples as for std, averaged over the runs.",
             unit="%",
             pool=pooling.mean,
             heading="bias",
@@ -149,7 +151,8 @@ SCORES: Mapping[str, Score] = {
             "std_after",
             scores.std_after_of,
             "Standard deviation of the error in the last 2 s of the window after the fault. This "
-            "score exposes estimators whose std before the fault is low because they hardly move.",
+            "score reveals estimators with estimates that hardly move, and so a low std before the "
+            "fault.",
             unit="%",
             better="less",
             pool=pooling.deviation("bias_after", "lost_after"),
@@ -177,7 +180,7 @@ SCORES: Mapping[str, Score] = {
             "excess",
             excess.excess_of,
             "Increase of the prediction error due to the errors of all estimated parameters before "
-            "the fault, θ̃ᵀQθ̃/σ²: one number for all parameters, whatever their units.",
+            "the fault, θ̃ᵀQθ̃/σ²: one number for all parameters, independent of their units.",
             unit="",
             better="less",
             pool=pooling.mean,
@@ -236,9 +239,8 @@ SCORES: Mapping[str, Score] = {
         Score(
             "score",
             bounds.score_of,
-            "Lag on a logarithmic scale, from 0 for an estimator that never moves to 100 for the "
-            "bound with all parameters unknown. The score is defined for steps on an axis that a "
-            "model describes.",
+            "Lag on a logarithmic scale, from 0 for an estimator that never moves to 100 at the "
+            "bound `lag_bound`. The score is defined for steps on an axis that a model describes.",
             unit="",
             better="more",
             pool=pooling.mean,
@@ -277,8 +279,8 @@ SCORES: Mapping[str, Score] = {
             "detection",
             detection.detection_of,
             "Changes that the estimator reports: alarms and false alarms per run, false alarms per "
-            "1000 s, delay, share of faults missed, and share of detected faults for which the "
-            "right parameter is named.",
+            "1000 s, delay, share of missed faults, and share of detected faults for which the "
+            "estimator names the right parameter.",
             pool=pooling.detections([*detection.ALARMS]),
             parts=detection.ALARMS,
         ),
@@ -316,10 +318,10 @@ SCORES: Mapping[str, Score] = {
 }  # fmt: skip
 
 METRICS = {score.name: score.unit or "" for score in SCORES.values() if score.compared}
-"""Scores that `compare` can compare, with units."""
+"""Units of the scores that `compare` can use, keyed by score."""
 
 MARGINS = {score.name: score.margin for score in SCORES.values() if score.margin is not None}
-"""Scores that `compare` uses by default, with the smallest change that matters (0.02 is 2 %)."""
+"""Largest negligible change (0.02 is 2 %) of each score that `compare` uses by default."""
 
 
 def rows(track: Track) -> list[dict[str, Any]]:
@@ -332,12 +334,12 @@ def rows(track: Track) -> list[dict[str, Any]]:
 
 
 def undefined() -> dict[str, Any]:
-    """Return undefined scores, for a case without a record."""
+    """Return a row in which all scores are None, for a case without a record."""
     return dict.fromkeys(("parameter", "changed", *SCORES))
 
 
 def columns() -> dict[str, Kind]:
-    """Return the kind of each score column, keyed by name; a part is named ``score.part``."""
+    """Return the kind of each column of scores, keyed by ``score`` or ``score.part``."""
     kinds: dict[str, Kind] = {}
     for score in SCORES.values():
         names = [f"{score.name}.{part}" for part in score.parts] or [score.name]
@@ -346,7 +348,7 @@ def columns() -> dict[str, Kind]:
 
 
 def units() -> dict[str, str]:
-    """Return the unit of each numeric column; empty for a plain number."""
+    """Return the unit of each numeric column; the unit is empty for a number without a unit."""
     of_parts = {f"{s.name}.{part}": u for s in SCORES.values() for part, u in s.parts.items()}
     plain = {s.name: s.unit or "" for s in SCORES.values() if s.kind == "number" and not s.parts}
     return of_parts | plain
