@@ -29,7 +29,7 @@ SAME_RATE = 0.01  # largest relative difference of sampling rates at which a noi
 
 @dataclass(frozen=True)
 class Axis:
-    """A model, and further properties of the axis and of the log that identified it.
+    """An axis: its model, and results of its identification from a log.
 
     Attributes
     ----------

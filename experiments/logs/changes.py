@@ -28,7 +28,7 @@ WINDOWS = 40  # number of windows of a record
 FALSE_ALARMS = 0.002  # probability that a change is reported in a record without a change
 SMALLEST = 0.02  # smallest relative change that is reported
 STEPS, REACH = 6, 4.0  # maximum number of evaluations of a fit; maximum factor on a parameter
-QUIET, USUAL = 0.25, 5.0  # quantile of the windows' deviations; factor on it: larger are dropped
+QUIET, USUAL = 0.25, 5.0  # quantile of the windows' deviations; maximum multiple of this quantile
 FEWEST = 8  # minimum number of values; the scatter of fewer values is unknown
 SEEN = 0.25  # maximum standard deviation of a relative step in the middle that can be detected
 EDGE = 3  # minimum number of values on each side of a step
@@ -37,7 +37,7 @@ DEGREE = 3  # degree of the polynomial that describes a drift
 
 @dataclass(frozen=True)
 class Explained:
-    """Level, covariates and change of a sequence.
+    """The level, the effects of covariates and the change that were fitted to a sequence.
 
     Attributes
     ----------

@@ -118,7 +118,7 @@ class Identification:
     def units(self) -> str:
         """Units of the parameters; a log determines only ratios of parameters to k_T."""
         unit, k_T = self.torque_unit, self.axis.model.nominal.get("k_T")
-        if unit not in {"", "1", "A", "V"} and k_T in {None, 1.0}:  # it was read in N m, or N
+        if unit not in {"", "1", "A", "V"} and k_T in {None, 1.0}:  # torque in N m or N
             return "SI"
         one = f"1 {unit}" if unit not in {"", "1"} else "1"
         text = (
@@ -247,7 +247,7 @@ def free_names(axis: Axis, free: Sequence[str], fix: Sequence[str]) -> tuple[str
     """Return the parameters to identify: the named ones, or all that a log can determine."""
     known = axis.model.parameters
     named = [n for n in (*free, *fix) if n not in LAWFUL or n in known]
-    axis.having(dict.fromkeys(named, 1.0))  # raises for unknown names
+    axis.having(dict.fromkeys(named, 1.0))  # raises an error for unknown names
     usual = [n for n in known if n not in GIVEN and (not axis.known or axis.model.nominal[n])]
     chosen = [name for name in ([n for n in free if n in known] or usual) if name not in fix]
     if not chosen:

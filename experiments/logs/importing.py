@@ -77,7 +77,7 @@ def import_log(
     with suppress(RecordError):
         record = load_record(path)
     try:
-        if record is None or not record.versions:  # a log, perhaps in HDF5
+        if record is None or not record.versions:  # the file is a log, perhaps in HDF5
             result = _imported(path, tables, resample)
         elif wrong := [n.replace("_", "-") for n in (*tables, *["resample"] * bool(resample))]:
             raise LogError(

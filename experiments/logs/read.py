@@ -130,7 +130,7 @@ def _flattened(content: Mapping[str, Any], before: str = "") -> Iterator[tuple[s
         array = np.squeeze(np.asarray([] if inner else item))
         if array.dtype.kind in "fiub" and array.ndim in {1, 2}:
             rows = np.atleast_2d(array).astype(float)
-            rows = rows if rows.shape[0] <= rows.shape[1] else rows.T  # the long side is time
+            rows = rows if rows.shape[0] <= rows.shape[1] else rows.T  # the longer side is time
             for j, row in enumerate(rows):
                 yield f"{before}{name}" + f"[{j}]" * (len(rows) > 1), row
 

@@ -236,7 +236,7 @@ def _build(
 ) -> Estimator:
     """Build an estimator for the axis from its model, or from its values for user code."""
     model = axis.model
-    model.parametrize(identify)  # refuses unknown names
+    model.parametrize(identify)  # raises an error for unknown names
     values = dict(model.nominal)
     for name, power in map(physical, identify):
         values[name] *= start**power

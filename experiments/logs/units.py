@@ -14,7 +14,7 @@ from flexaxis.experiments.logs.findings import LogError
 from flexaxis.sim.errors import unknown
 from flexaxis.sim.record import Record
 
-LONGEST_GAP = 20  # samples
+LONGEST_GAP = 20  # maximum number of samples in a simulated gap
 
 _TURN, _INCH, _POUND = 2 * np.pi, 0.0254, 4.4482216152605
 _PREFIXES = {"n": 1e-9, "u": 1e-6, "m": 1e-3, "c": 1e-2, "k": 1e3}

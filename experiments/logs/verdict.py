@@ -150,10 +150,11 @@ def _unseen(search: Search, chosen: Answer) -> Iterator[tuple[Kind, bool, str]]:
 
 
 def _summed(chosen: Answer, name: str) -> str:
-    """Return a parameter if the log determines only its sum with the named one, else an empty text.
+    """Return another parameter if the log determines only its sum with the parameter `name`.
 
-    Such estimates have a correlation near −1 and equal standard deviations. Masses and springs are
-    excluded, because they cannot be 0.
+    The result is an empty text if there is no such parameter. Otherwise, the estimates of both
+    parameters have a correlation near −1 and equal standard deviations. The function ignores masses
+    and springs as `name`, because they cannot be 0.
     """
     names, covariance = chosen.setup.names, chosen.fitted.covariance
     i = names.index(name)
