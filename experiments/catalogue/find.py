@@ -249,7 +249,7 @@ def scenarios(*, group: str = "", find: str = "") -> list[Line]:
     group : str
         Group to list (default: all groups).
     find : str
-        Text that the entries of a listed scenario must contain, in upper or lower case.
+        Text that must occur in the listed entries of a scenario, in upper or lower case.
 
     Raises
     ------
@@ -273,13 +273,13 @@ def _with(find: str, lines: list[Line]) -> list[Line]:
 
 
 def suites(find: str = "") -> list[Line]:
-    """Return the name and card of each suite for which one of the two contains a text."""
+    """Return the name and card of each suite with a given text in the name or in the card."""
     lines = [{"name": n, "card": _tables(f"suites/{n}.toml")["card"]} for n in suite_names()]
     return _with(find, lines)
 
 
 def faults(find: str = "") -> list[Line]:
-    """Return each physical fault with the parameter that changes and the scenarios to simulate."""
+    """Return each physical fault, the parameter that changes, and scenarios with this fault."""
     lines = scenarios()
     result = []
     for fault, parameter in FAULTS.items():

@@ -16,7 +16,7 @@ CONTROLS = ("frozen", "oracle-reset")  # baselines, which are not ranked
 AT_MOST = {QUIETER: "≤ ", NOISIER: "≥ "}
 """Sign before a lag if the noise is not matched; `AT_LEAST` contains the signs before a score."""
 AT_LEAST = {QUIETER: "≥ ", NOISIER: "≤ ", "mixed": "about "}
-LEVEL = 0.05  # probability that a ranking separates any estimators that are equally good
+LEVEL = 0.05  # probability that any of several equally good estimators is ranked as worse
 
 
 Scores = Sequence[float | None]

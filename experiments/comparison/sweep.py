@@ -37,7 +37,7 @@ Array = NDArray[np.float64]
 Run = Callable[[Sequence[Scenario], Sequence[str], Sequence[int]], pd.DataFrame]
 """Function ``run(scenarios, estimators, seeds)`` that returns rows like `Runner.rows`."""
 
-FACTORS = (0.25, 0.5, 1.0, 2.0, 4.0)  # settings relative to the default; a larger one is faster
+FACTORS = (0.25, 0.5, 1.0, 2.0, 4.0)  # settings relative to the default; a larger one reacts faster
 WIDER = (16.0, 64.0, 256.0, 1024.0)  # further settings (or their inverses), if necessary
 TURNS = (*FACTORS, *WIDER, *(1 / factor for factor in WIDER))
 """All settings that a sweep may run, relative to the default."""

@@ -329,7 +329,7 @@ def _known(spec: Spec, scenario: Scenario, nominal: Mapping[str, float]) -> dict
 
 
 def _check_fits(text: str, estimator: Estimator, scenario: Scenario) -> None:
-    """Raise an error if an estimator cannot run on a scenario, or its estimates not be scored."""
+    """Raise an error if an estimator cannot run on a scenario, or cannot be scored there."""
     names, besides = tuple(estimator.names), (*LAW_NAMES, *ESTIMATED_ONLY)
     problems = estimated_problems(names, scenario, key="names", besides=besides)
     if lines := [f"{text}: {key}: {problem}" for key, problem in problems]:

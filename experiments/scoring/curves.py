@@ -18,7 +18,7 @@ from flexaxis.sim.scenario import Scenario
 Array = NDArray[np.float64]
 
 CURVE_STEP = 10  # number of samples from one stored point of a trajectory to the next
-BEFORE, AFTER = 0.1, 1.0  # s before and s after a fault; between them, every sample is kept
+BEFORE, AFTER = 0.1, 1.0  # time before and after a fault in which every sample is kept [s]
 
 
 def near_fault(scenario: Scenario) -> slice:

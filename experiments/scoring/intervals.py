@@ -59,8 +59,8 @@ def by_seed(values: ArrayLike, seeds: Labels, points: Labels) -> Array:
     scatter of the result. If the runs of a seed deviate by d_i from the means of their points, the
     result for this seed is x̄ + m/n Σ d_i (the variance of clusters, W. G. Cochran, *Sampling
     Techniques*, 3rd ed., chapters 5 and 9). Differences between points are not random and do not
-    increase the scatter. If all points have the same seeds, the scatter is that of the means over
-    the points for each seed. If any point has a single run, differences between points are treated
+    increase the scatter. If all points have the same seeds, the result for a seed is the mean of
+    its values at all points. If any point has a single run, differences between points are treated
     as random.
 
     Parameters

@@ -150,7 +150,7 @@ def pool_columns(columns: pooling.Columns, names: Iterable[str] | None = None) -
     Parameters
     ----------
     columns : mapping of str to ndarray (n,)
-        Columns as in `flexaxis.experiments.scoring.pooling`; only those of `names` are needed.
+        Columns as in `flexaxis.experiments.scoring.pooling`; only columns for `names` are needed.
     names : iterable of str, optional
         Scores to pool (default: all).
     """

@@ -140,7 +140,7 @@ def untold(scenario: Scenario, names: Sequence[str]) -> dict[str, float]:
 
     The values of the result are prior standard deviations, divided by the parameter. They are equal
     to the rms relative error of all received values for a parameter that is received with an error,
-    and to `PRIOR` for a parameter of a law.
+    and to `PRIOR` for any other parameter of a law.
     """
     model, factors = true_model(scenario, scenario.unchanged), scenario.known_factors
     error = float(np.sqrt(np.mean(np.square(np.log([1.0, *factors.values()])))))
