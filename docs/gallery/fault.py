@@ -2,8 +2,9 @@
 Two estimators after a fault: motor friction rises by 50 % at 10 s
 ==================================================================
 
-The method with a forgetting factor adapts with its memory of one second. `glr` determines which
-parameter jumped, and when, and changes only this one. The band is the reported ±2σ.
+The method with a forgetting factor adapts all parameters, with a memory of one second. `glr`
+determines which parameter jumped and when, and changes only the estimate of this parameter. The
+bands show the reported standard deviations (±2σ).
 """
 
 import flexaxis as fx

@@ -2,7 +2,7 @@
 Your own estimator: the shipped method, with estimates smoothed over half a second
 ==================================================================================
 
-Any class with `names`, `output` and `step` can be used. Figures and tables show the class name.
+You can use any class with `names`, `output` and `step`. Figures and tables show the class name.
 """
 
 import flexaxis as fx
@@ -21,7 +21,7 @@ class Gentle:
         self.smooth, self.theta = smooth, None
 
     def step(self, u, y):
-        """Take u[k] and y[k], return θ[k]."""
+        """Process u[k] and y[k], and return the estimates θ[k]."""
         new = self.inside.step(u, y)
         old = new if self.theta is None else self.theta
         self.theta = self.smooth * old + (1 - self.smooth) * new

@@ -2,7 +2,8 @@
 The trade-off between lag and noise for several forgetting factors
 ==================================================================
 
-A single setting does not rank estimators, because each can be made faster at the cost of noise.
+You cannot rank estimators by a single setting of each, because every estimator can be made faster
+at the cost of more noise.
 """
 
 import matplotlib.pyplot as plt
@@ -18,4 +19,4 @@ plt.loglog(f_m["std"], f_m["lag"], "o-")
 for factor, (std, lag) in zip(factors, f_m.to_numpy(), strict=True):
     plt.annotate(f"λ = {factor}", (std, lag), xytext=(6, 4), textcoords="offset points")
 plt.xlabel("standard deviation of $f_m$ before the fault [%]")
-plt.ylabel("lag after it [s]")
+plt.ylabel("lag after the fault [s]")

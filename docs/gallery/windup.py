@@ -2,9 +2,9 @@
 Standstill: P winds up with forgetting, and regularisation limits it
 ====================================================================
 
-From 10 to 30 s nothing excites the axis, and forgetting divides $P$ by λ in every sample. The next
-measurement could then change the estimate arbitrarily. The regularisation μ limits $P$ to
-(1 − λ)/μ; without it, only the ceiling of the shipped filter limits $P$.
+From 10 to 30 s the axis is at rest, and forgetting divides $P$ by λ in every sample. Without a
+limit, the next measurement could then change the estimates arbitrarily. The regularisation μ limits
+$P$ to (1 − λ)/μ. Without regularisation, only the ceiling of the shipped filter limits $P$.
 """
 
 import matplotlib.pyplot as plt

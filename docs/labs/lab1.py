@@ -1,8 +1,8 @@
 """Lab 1: the model, its poles, and a comparison of the simulated axis with the equations."""
 
 # %% The equations
-# The axis has three masses and two springs. Its states are two twists and three speeds. Write down
-# A and B before you continue (paper, equations 3 and 4); `r` is the gear ratio.
+# The axis consists of three masses and two springs. Its states are two twists and three speeds.
+# Write down A and B before you continue (paper, equations 3 and 4); `r` is the gear ratio.
 import matplotlib.pyplot as plt
 import mujoco
 import numpy as np
@@ -31,20 +31,20 @@ B = np.array([0, 0, k_T / J_m, 0, 0])
 
 # %% The poles
 # Two pairs of poles oscillate, and one pole is real.
-# Question 1: how long does each of them take to decay?
+# Question 1: what is the time constant with which each mode decays?
 poles = np.linalg.eigvals(A)
 for pole in sorted(poles, key=abs):
     print(f"{pole:24.2f}   |pole| {abs(pole):6.1f} rad/s   time constant {-1 / pole.real:.3f} s")
 
 # %% The same matrix from MuJoCo
-# The engine has bodies, joints and tendons, and does not use A. Set each state to one in turn and
-# evaluate the accelerations.
+# MuJoCo's model consists of bodies, joints and tendons; MuJoCo does not use A. Set each state to 1
+# in turn, and compute the accelerations.
 model = mujoco.MjModel.from_xml_string(model_files("three_mass")[0])
 data = mujoco.MjData(model)
 
 
 def accelerations(twist_g, twist_a, speeds, torque):
-    """Return the three accelerations for given twists, speeds and torque."""
+    """Return the accelerations (3,) of the masses, given the twists, the speeds and the torque."""
     phi_a = 0.0
     phi_g = phi_a + twist_a
     phi_m = (phi_g + twist_g) / r
@@ -58,12 +58,12 @@ columns = [accelerations(s[0], s[1], s[2:5], s[5]) for s in unit]
 engine = np.column_stack(columns)  # rows: accelerations; columns: x1 … x5, u
 equations = np.column_stack([A[2:], B[2:]])
 difference = np.abs(engine - equations).max() / np.abs(equations).max()
-print(f"largest difference between MuJoCo and the equations: {difference:.1e} of the largest entry")
+print(f"largest difference of MuJoCo from A and B: {difference:.1e} of the largest matrix entry")
 
 # %% The same motion
-# The torque changes every 5 ms or less often. The exact solution needs one matrix exponential,
-# while MuJoCo takes five Runge–Kutta steps per sample.
-# Question 2: why is `expm` exact here, and when would it not be?
+# The torque is constant over each sample of 5 ms. The exact solution requires one matrix
+# exponential, while MuJoCo takes five Runge–Kutta steps per sample.
+# Question 2: why is `expm` exact here, and when would `expm` not be exact?
 rng = np.random.default_rng(1)
 torque = np.repeat(rng.standard_normal(100), 20)
 held = np.zeros((6, 6))

@@ -1,7 +1,7 @@
-"""Lab 2: the gradient, and the frequencies that provide its information, equation (28)."""
+"""Lab 2: the gradient, and the frequencies that contain the information (equation 28)."""
 
 # %% Data
-# The record contains 40 s of the axis in closed loop, without faults.
+# The record contains data of the axis in closed loop, 40 s long and without faults.
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -17,14 +17,14 @@ names = ("k_T", "1/J_a", "f_m")
 model = three_mass(scenario.nominal.as_dict()).parametrize(names)
 
 # %% The gradient over time
-# psi is the change of the predicted speed per change of a parameter. A parameter with a small psi
-# can be estimated only slowly, or only with much noise.
+# psi is the derivative of the predicted speed with respect to a parameter. If psi of a parameter is
+# small, the parameter can be estimated only slowly, or only with much noise.
 y_hat, psi = predict(model, model.theta, record.torque, period=0.005)
 time_average = np.mean(psi[-4000:] ** 2, axis=0)  # two whole periods, 20 s, in steady state
 for name, power in zip(names, time_average, strict=True):
     print(f"mean square of psi for {name:6s} {power:8.1f}")
 
-# %% Is it the derivative?
+# %% Is psi the derivative?
 # Always compare a gradient with finite differences before you trust it.
 step = 1e-5 * model.theta[2]
 only_f_m = np.array([0, 0, step])
@@ -34,8 +34,8 @@ error = np.abs((up - down) / (2 * step) - psi[:, 2]).max() / np.abs(psi[:, 2]).m
 print(f"psi of f_m against a central difference: {error:.1e}")
 
 # %% The same number from the spectrum
-# Equation (28): the power of each spectral line of the torque, multiplied by the squared magnitude
-# of the sensitivity at its frequency, and summed over all lines.
+# Equation (28): multiply the power of each spectral line of the torque by the squared magnitude of
+# the sensitivity at the frequency of the line, and sum the products of all lines.
 omega, power = line_spectrum(record.torque[-4000:], period=0.005)
 from_spectrum = np.diag(information(model, model.theta, omega, power, period=0.005))
 ratio = time_average / from_spectrum
@@ -51,7 +51,7 @@ for i, name in enumerate(names):
     plt.plot(omega, share[:, i], label=name)
 plt.xlim(0, 200)
 plt.xlabel("frequency [rad/s]")
-plt.ylabel("share of the information below it")
+plt.ylabel("share of the information below this frequency")
 plt.legend()
 plt.show()
 half = {name: omega[np.searchsorted(share[:, i], 0.5)] for i, name in enumerate(names)}

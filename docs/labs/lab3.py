@@ -1,8 +1,8 @@
 """Lab 3, forgetting: the trade-off between speed and variance, in theory and in experiment."""
 
 # %% Theory in two lines
-# With forgetting, P converges to (1 - lambda) Q^-1 (equation 29), the estimate has the variance
-# sigma^2 P / 2, and an error decays as lambda^k. All of this is known before any experiment.
+# With forgetting, P converges to (1 - lambda) Q^-1 (equation 29), the variance of the estimate is
+# sigma^2 P / 2, and an error decays as lambda^k. You can predict all of this before an experiment.
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -46,7 +46,7 @@ for forgetting in LAMBDAS:
     )
 
 # %% Comparison of theory and experiment
-# Question 1: by which factor does the standard deviation change when the memory is halved?
+# Question 1: by which factor does the standard deviation change if the memory is half as long?
 # Question 2: the lag is longer than the memory T/(1 - lambda). Which assumption fails?
 # (0.999 is an exception: the lag is measured over 5 s after the fault, so it cannot exceed 5 s.)
 print("lambda   std theory   std measured   lag [s]   T/(1-lambda) [s]")

@@ -1,9 +1,9 @@
-"""Lab 4: a Delta for each parameter, designed for a desired tracking speed."""
+"""Lab 4: design Delta of each parameter for a desired tracking speed."""
 
 # %% The design rule
 # Covariance modification adds Delta to P in every sample (equation 10). In steady state
-# P Q P = Delta (30), and an error decays as exp(-P Q k). So a desired time constant tau (in
-# samples) requires Delta_ii = 1/(tau_i^2 Q_ii).
+# P Q P = Delta (equation 30), and an error decays as exp(-P Q k). Therefore a desired time constant
+# tau_i (in samples) requires Delta_ii = 1/(tau_i^2 Q_ii).
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -29,10 +29,11 @@ print(f"correlation of k_T and f_m: {correlation:.2f}")
 
 
 # %% Three designs
-# The time constant of f_m is 0.5, 1 and 2 s; that of the other two parameters is always 2 s.
-# Question 1: how does the noise of f_m change, and how does the noise of k_T?
+# The time constant of f_m is 0.5, 1 and 2 s in the three designs; the time constant of the other
+# two parameters is always 2 s.
+# Question 1: how does the noise of f_m change, and how does the noise of k_T change?
 def experiment(tau):
-    """Return time, predicted and measured error of f_m (1000,) after the fault, and its noise."""
+    """Return times, predicted and measured errors of f_m after the fault (1000,), and its noise."""
     Delta = drift_for([2.0, 2.0, tau], Q, period=0.005)
     P = steady_P(Q, drift=Delta)
     after = T * np.arange(1000)
@@ -61,7 +62,7 @@ for tau, (after, predicted, measured, noise) in results.items():
         f"noise {100 * noise:.2f} %"
     )
 plt.xlabel("time after the fault [s]")
-plt.ylabel("error of f_m over the size of the fault")
+plt.ylabel("error of f_m / size of the fault")
 plt.legend()
 plt.show()
 

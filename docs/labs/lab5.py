@@ -1,8 +1,8 @@
-"""Lab 5, windup and mu: the behaviour of an estimator when nothing moves."""
+"""Lab 5, windup and mu: the behaviour of an estimator while the axis is at rest."""
 
 # %% A pause
-# The axis moves for 10 s, rests for 20 s, and moves again. While it rests, the motor friction rises
-# by 50 %.
+# The axis moves for 10 s, rests for 20 s, and moves again. While the axis is at rest, the motor
+# friction increases by 50 %.
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -20,17 +20,19 @@ truth = axis.parametrize(names).theta * [1, 1, 1.5]
 
 
 # %% Three values of mu
-# While psi is zero, forgetting divides P by lambda in every sample, so after 20 s by 0.995^4000.
-# Question 1: how large is the growth of P? Question 2: equation (12) stops the growth at which P?
+# While psi is zero, forgetting divides P by lambda in every sample. In 20 s, P is therefore divided
+# by 0.995^4000.
+# Question 1: by which factor does P grow?
+# Question 2: at which value of P does equation (12) stop the growth?
 def run(mu):
-    """Return the largest eigenvalue of P (N,), and the estimates over the true values (N, 3)."""
+    """Return the largest eigenvalue of P (N,), and the estimates / true values (N, 3)."""
     rpem = Rpem(
         axis,
         P0=known_P(names, forgetting=FORGETTING),
         forgetting=FORGETTING,
         regularization=mu,
         period=0.005,
-        ceiling=np.inf,  # as in the paper: P is limited only by mu
+        ceiling=np.inf,  # as in the paper, only mu limits P
     )
     trace = rpem.trace(record.torque, record.speed)
     return np.linalg.eigvalsh(trace.P)[:, -1], trace.theta / truth
@@ -45,7 +47,7 @@ for mu, (largest, theta) in results.items():
     below.plot(record.time, theta[:, 1].clip(0.5, 1.5))
 above.set_ylabel("largest eigenvalue of P")
 above.legend()
-below.set_ylabel("1/J_a over true value")
+below.set_ylabel("1/J_a / true value")
 below.set_xlabel("time [s]")
 plt.show()
 
@@ -61,7 +63,7 @@ for mu, (largest, theta) in results.items():
 largest, theta = results[0.3]
 bound = (1 - FORGETTING) / 0.3
 bursts = [np.abs(t[restart : restart + 400, :2] - 1).max() for _, t in results.values()]
-print(f"check: peak of P over its bound {largest.max() / bound:.3f}, burst {bursts[-1]:.3f}")
+print(f"check: peak of P / its bound {largest.max() / bound:.3f}, burst {bursts[-1]:.3f}")
 assert 0.9 < largest.max() / bound <= 1 + 1e-9
 assert results[0.0][0].max() > 1e3 * bound, "without mu, P winds up"
 assert bursts[-1] < 0.1 < bursts[0]

@@ -13,7 +13,7 @@ from flexaxis.experiments.scoring.parameter_names import started_nominal
 from flexaxis.sim.simulate import simulate
 
 names, T, sigma = ("k_T", "1/J_a", "f_m"), 0.005, 0.1
-scenario = find_scenario("fm_step-v1")  # f_m grows by half at 10 s
+scenario = find_scenario("fm_step-v1")  # f_m increases by 50 % at 10 s
 onset, after = 2000, 1000
 axis = three_mass(scenario.nominal.as_dict())
 model = axis.parametrize(names)
@@ -25,15 +25,19 @@ records = simulate(scenario, range(1000, 1008))
 
 
 # %% A detector
-# Without a fault, epsilon^2 over its expected value has the mean 1. The cumulative sum subtracts
-# DRIFT = 1.5 from this ratio in every sample, so it grows only after a change.
+# Without a fault, the mean of epsilon^2 divided by its expected value is 1. In every sample, the
+# detector adds this ratio minus DRIFT = 1.5 to a sum, so the sum grows only after a change. An
+# alarm is raised when the sum exceeds THRESHOLD.
 # Question 1: what are the advantages and disadvantages of a small DRIFT and THRESHOLD?
-# For DEAF samples after an alarm there is no further alarm, because the reset causes a transient.
+# A reset causes a transient, so for DEAF samples after an alarm no further alarm is raised.
 DRIFT, THRESHOLD, CLIP, DEAF = 1.5, 20.0, 9.0, 400
 
 
 def follow(record, *, reset):
-    """Return the estimates (N, 3) and the alarms; at each alarm P is multiplied by `reset`."""
+    """Return the estimates (N, 3) and the samples of the alarms.
+
+    At each alarm, P is multiplied by `reset`.
+    """
     rpem = Rpem(axis, P0=P0, forgetting=0.995, period=0.005)
     theta, alarms, total = np.empty((len(record.torque), 3)), [], 0.0
     for k, (u, y) in enumerate(zip(record.torque, record.speed, strict=True)):
@@ -48,7 +52,7 @@ def follow(record, *, reset):
 
 
 def lag(theta):
-    """Return the lag of f_m [s]: |error| over the size of the fault, integrated over 5 s."""
+    """Return the lag of f_m [s]: |error| / size of the fault, integrated over 5 s."""
     return T * np.sum(np.abs(theta[onset : onset + after, 2] - truth[2])) / size
 
 
@@ -59,15 +63,16 @@ false = sum(k < onset for _, alarms in quick for k in alarms)
 print(f"detected after {1000 * np.median(delays):.0f} ms, {false} false alarms in 80 s")
 
 # %% The bound
-# Even an estimator that knows the time of the jump and the state needs data, because psi starts at
-# zero at the jump. The Cramér–Rao bound for it is C(n) = sigma^2 (P_b^-1 + sum psi psi')^-1.
+# Even an estimator that knows the time of the jump and the state at that time needs data, because
+# psi is zero at the time of the jump. The Cramér–Rao bound for such an estimator is
+# C(n) = sigma^2 (P_b^-1 + sum psi psi')^-1.
 record = records[0]
 transition, gain, output = sampled_system(model, truth, T)
 before = sampled_system(model, nominal, T)
 X = np.zeros(len(gain))
 for u in record.torque[:onset]:
     X = before[0] @ X + before[1] * u
-X[:-5] = 0.0  # keep the state, reset the sensitivities
+X[:-5] = 0.0  # set the sensitivities to zero, and keep the state
 info, bound = np.diag(1 / (nominal / 2) ** 2) * sigma**2, np.empty(after)
 for n, u in enumerate(record.torque[onset : onset + after]):
     psi = (output @ X)[:-1]
@@ -77,7 +82,8 @@ for n, u in enumerate(record.torque[onset : onset + after]):
 lag_bound = T * np.minimum(1, np.sqrt(2 / np.pi) * bound / size).sum()
 
 # %% Comparison of forgetting, reset and bound
-# Question 2: how could you improve the method: by a faster alarm, or by a better reaction to it?
+# Question 2: how could you improve the method: with faster alarms, or with a better reaction to an
+# alarm?
 lag_plain = np.mean([lag(theta) for theta, _ in plain])
 lag_quick = np.mean([lag(theta) for theta, _ in quick])
 print(f"lag: forgetting {lag_plain:.2f} s, with reset {lag_quick:.2f} s, bound {lag_bound:.3f} s")
@@ -91,13 +97,13 @@ plt.legend()
 plt.show()
 
 # %% Nominal values that are 5 % off
-# So far the estimators used the exact springs, dampers and inertias, which are never known in
-# practice. In a second scenario each of these values has a random error of 5 %, drawn for each
-# seed; the axis and the records are the same. `glr` is the recommended estimator: it detects the
-# fault, identifies the changed parameter and corrects its estimate.
+# So far the estimators used the exact values of the springs, dampers and inertias, which are never
+# known in practice. In a second scenario, each of these values has a random error of 5 %, which
+# depends on the seed; the axis and the records are the same. `glr` is the recommended estimator: it
+# detects the fault, identifies the changed parameter and corrects the estimate of this parameter.
 # Question 3: what causes the error before the fault? Would more data help?
-# Question 4: what do the errors of glr in k_T, J_a and f_m have in common, and why does this keep
-# its lag above the bound?
+# Question 4: what do the errors of glr in k_T, J_a and f_m have in common, and why do these errors
+# make its lag longer than the bound?
 twin = find_scenario("known5_fm_step-v1")
 estimators = {
     "forgetting": lambda values: Rpem(three_mass(values), P0=P0, forgetting=0.995, period=T),
@@ -119,7 +125,7 @@ for name, make in estimators.items():
 named = results["glr", "5 % off"][2]
 off = 100 * (theta[onset - 1, :3] / nominal) ** [1, -1, 1] - 100
 print("the last run of glr: k_T {:+.1f} %, J_a {:+.1f} %, f_m {:+.1f} % off".format(*off))
-print(f"with values 5 % off, glr names f_m and nothing else in {named} of {len(records)} runs")
+print(f"with values 5 % off, glr reports only f_m as changed in {named} of {len(records)} runs")
 
 # %% Check
 score = 100 * np.log(5 / lag_quick) / np.log(5 / lag_bound)

@@ -1,5 +1,5 @@
 """The rules that an estimator must follow.
 
-`check` has one function per rule and runs all rules on an estimator; `template` copies one of the
-`templates` for a user to change.
+`check` contains one function per rule and checks an estimator against all rules. `template` copies
+one of the `templates`, which a user can change.
 """

@@ -1,7 +1,9 @@
-"""Check an estimator against the rules that its scores rely on; each rule is one function.
+"""Check an estimator against the rules that are necessary for valid scores.
 
-A rule runs fresh estimators on one simulated record, and returns two values: True if the estimator
-follows the rule, False if not, or None if the rule does not apply; and a text with the observation.
+Each function checks one rule. The function constructs new estimators, runs them on a simulated
+record, and returns two values. The first value is True if the estimator follows the rule, False if
+the estimator breaks the rule, and None if the rule does not apply. The second value is a text that
+describes the observation.
 """
 
 import time
@@ -25,17 +27,17 @@ from flexaxis.sim.scenario import Scenario
 
 Array = NDArray[np.float64]
 
-DURATION = 12.0  # s, 2400 samples; the fault is at 10 s
+DURATION = 12.0  # duration of the record [s], 2400 samples; the fault occurs at 10 s
 BEFORE_FAULT = slice(1000, 2000)
 GAP = slice(1200, 1300)
 CUTS = (700, 1400, 2100)
-FAR = 0.25  # error relative to nominal that is larger than most faults
-MOVES = 1e-9  # an estimator that moves less than this, relative to nominal, is frozen
-SLACK = 1e-9  # rounding error of a correlation matrix: asymmetry and negative eigenvalues
+FAR = 0.25  # largest allowed error, relative to nominal; larger than most faults
+MOVES = 1e-9  # an estimator is frozen if its estimates change by less than this (relative)
+SLACK = 1e-9  # tolerance for rounding errors of a correlation matrix: asymmetry, eigenvalues < 0
 
 
 class Subject:
-    """An estimator under test, and the record for the tests."""
+    """An estimator that is checked, and the record on which it is checked."""
 
     def __init__(self, spec: Spec, scenario: Scenario, record: Record) -> None:
         self.spec, self.scenario, self.u = spec, scenario, record.torque
@@ -46,37 +48,43 @@ class Subject:
         self.truth = theta_over_time(scenario, known)
 
     def make(self) -> Estimator:
-        """Return a fresh estimator."""
+        """Construct a new estimator."""
         return build(self.spec, self.scenario)
 
     def run(self, u: Array, y: Array) -> Array:
-        """Return the estimates (N, p) of a fresh estimator, which receives copies of u and y."""
+        """Return the estimates (N, p) of a new estimator, which receives copies of u and y."""
         return run_estimator(self.make(), u.copy(), y.copy())
 
     @cached_property
     def theta(self) -> Array:
-        """Estimates on the unchanged record."""
+        """Estimates (N, p) from the unchanged record."""
         return self.run(self.u, self.y)
 
     @cached_property
     def nominal(self) -> Array:
-        """Sizes (p,) of the parameters, taken from the first estimates."""
+        """Magnitudes (p,) of the parameters, which are those of the first estimates."""
         sizes = np.abs(self.theta[0])
         return np.where(np.isfinite(sizes) & (sizes > 0), sizes, 1.0)
 
     def gaps(self, one: Array, other: Array) -> Array:
-        """Return the largest difference (N,) of two runs at each sample, relative to nominal."""
+        """Return the largest difference (N,) of two runs' estimates (N, p) at each sample.
+
+        The differences are relative to `nominal`.
+        """
         with np.errstate(invalid="ignore", over="ignore"):
             gap = np.abs(one - other) / self.nominal
         same = np.isclose(one, other, rtol=0, atol=0, equal_nan=True)  # `finite` checks for NaN
         return np.asarray(np.where(same, 0.0, gap).max(axis=1))
 
     def apart(self, one: Array, other: Array) -> float:
-        """Return the largest difference of two runs, relative to nominal."""
+        """Return the largest difference of two runs' estimates at all samples, as in `gaps`."""
         return float(self.gaps(one, other).max(initial=0.0))
 
     def error(self, theta: Array) -> float:
-        """Return the relative rms error before the fault, of parameters with known true values."""
+        """Return the relative rms error before the fault of the parameters with known true values.
+
+        The error is infinite if an estimate is not finite.
+        """
         with np.errstate(invalid="ignore", over="ignore"):
             errors = (theta[:, self.known] - self.truth) / self.truth[0]
             error = np.sqrt(np.mean(errors[BEFORE_FAULT] ** 2))
@@ -84,7 +92,7 @@ class Subject:
 
 
 def step(estimator: Estimator, u: Array, y: Array, gap: slice = slice(0)) -> Array:
-    """Return the estimates (N, p) from single steps; y is missing in the gap."""
+    """Return the estimates (N, p) from N calls of `step`; y is None for the samples in `gap`."""
     values: list[float | None] = y.tolist()
     values[gap] = [None] * len(values[gap])
     pairs = zip(u.tolist(), values, strict=True)
@@ -95,13 +103,13 @@ Seen = tuple[bool | None, str]
 
 
 def shapes(subject: Subject) -> Seen:
-    """Check the shape of the estimates from run or step."""
+    """Check the shape of the array of estimates that `run` or `step` returns."""
     shape, expected = subject.theta.shape, (len(subject.u), len(subject.names))
     return shape == expected, f"{shape} for {len(subject.u)} samples of {', '.join(subject.names)}"
 
 
 def finite(subject: Subject) -> Seen:
-    """Look for estimates that are not finite, with and without a spike in one sample of y."""
+    """Check that all estimates are finite, with and without a spike in one sample of y."""
     spiked = subject.y.copy()
     spiked[GAP.start] += 20 * spiked.std()
     for y, where in ((subject.y, "the record"), (spiked, "a spike of 20 standard deviations")):
@@ -111,13 +119,13 @@ def finite(subject: Subject) -> Seen:
 
 
 def deterministic(subject: Subject) -> Seen:
-    """Run the estimator twice and compare."""
+    """Check that two runs on the same record result in the same estimates."""
     apart = subject.apart(subject.run(subject.u, subject.y), subject.theta)
     return apart == 0, f"two runs differ by {apart:.2g} of nominal"
 
 
 def step_equals_run(subject: Subject) -> Seen:
-    """Compare step, and step followed by run, with run alone."""
+    """Check that `step` alone, and `step` followed by `run`, agree with `run` alone."""
     mixed, half = subject.make(), len(subject.u) // 2
     if not hasattr(mixed, "run"):
         return None, "the estimator has no run"
@@ -129,10 +137,10 @@ def step_equals_run(subject: Subject) -> Seen:
 
 
 def no_look_ahead(subject: Subject) -> Seen:
-    """Change future samples, and look for changes of past estimates."""
+    """Check that past estimates do not change if future samples change."""
     random = np.random.default_rng(0)
 
-    def other(x: Array) -> Array:  # another mean, spread, order, distribution and correlation
+    def other(x: Array) -> Array:  # samples with a different mean, spread and distribution
         return x.mean() + x.std() * (2 + 3 * random.standard_t(3, len(x)))
 
     for cut in CUTS:
@@ -148,7 +156,7 @@ def no_look_ahead(subject: Subject) -> Seen:
 
 
 def keeps_no_reference(subject: Subject) -> Seen:
-    """Check that the estimator neither keeps nor changes its inputs, nor changes past outputs."""
+    """Check that the estimator does not keep or change its inputs, or change its past outputs."""
     u, y, half = subject.u.copy(), subject.y.copy(), len(subject.u) // 2
     reused, kept = subject.make(), subject.make()
     run_estimator(reused, u[:half], y[:half])
@@ -170,7 +178,7 @@ def keeps_no_reference(subject: Subject) -> Seen:
 
 
 def reset(subject: Subject) -> Seen:
-    """Run the estimator, reset it, and run it again."""
+    """Check that a run after `reset` results in the same estimates as the first run."""
     estimator = subject.make()
     if not hasattr(estimator, "reset"):
         return None, "the estimator has no reset"
@@ -181,7 +189,7 @@ def reset(subject: Subject) -> Seen:
 
 
 def survives_a_gap(subject: Subject) -> Seen:
-    """Leave out y for 100 samples."""
+    """Check that estimates remain finite and nearly constant if y is missing for 100 samples."""
     theta = step(subject.make(), subject.u, subject.y, GAP)
     if not np.isfinite(theta).all():
         return False, "estimates are not finite after the gap"
@@ -190,7 +198,7 @@ def survives_a_gap(subject: Subject) -> Seen:
 
 
 def covariance(subject: Subject) -> Seen:
-    """Check that the reported covariance is symmetric and positive semidefinite at every sample."""
+    """Check that the reported covariance is symmetric and positive semidefinite at all samples."""
     estimator, p = subject.make(), len(subject.names)
     if getattr(estimator, "covariance", None) is None:
         return None, "the estimator reports no covariance"
@@ -207,9 +215,9 @@ def covariance(subject: Subject) -> Seen:
 
 
 def cost(subject: Subject) -> Seen:
-    """Measure the time of a step."""
+    """Check that a call of `step` takes less time than a sampling period."""
     estimator = subject.make()
-    step(estimator, subject.u[:2], subject.y[:2])  # compiles everything
+    step(estimator, subject.u[:2], subject.y[:2])  # compiles the estimator if it uses numba
     start = time.perf_counter()
     step(estimator, subject.u, subject.y)
     seconds = (time.perf_counter() - start) / len(subject.u)
@@ -217,7 +225,7 @@ def cost(subject: Subject) -> Seen:
 
 
 def a_shift_of_u_hurts(subject: Subject) -> Seen:
-    """Shift u by one sample in both directions; the estimates must be best without a shift."""
+    """Check that shifting u by one sample, in either direction, makes the estimates worse."""
     if (np.ptp(subject.theta, axis=0) / subject.nominal).max() < MOVES:
         return None, "the estimates do not move"
     shifted = (np.r_[0.0, subject.u[:-1]], np.r_[subject.u[1:], 0.0])
@@ -276,12 +284,12 @@ RULES: dict[Callable[[Subject], Seen], tuple[str, str]] = {
         "error is large for every shift, check model, units and the order of names first",
     ),
 }
-"""The reason for each rule, and a hint on how to follow it."""
+"""Reason for each rule, and a hint on how to follow the rule."""
 
 
 @dataclass(frozen=True)
 class RuleResult:
-    """The result of a rule; `holds` is None if the rule does not apply."""
+    """The result of checking a rule; `holds` is None if the rule does not apply."""
 
     rule: str
     holds: bool | None
@@ -291,7 +299,7 @@ class RuleResult:
 
 
 def check(spec: Spec, *, store: RecordCache | None = None) -> list[RuleResult]:
-    """Return the result of every rule for an estimator.
+    """Check an estimator against every rule, and return the results.
 
     Raises
     ------
@@ -311,9 +319,11 @@ def check(spec: Spec, *, store: RecordCache | None = None) -> list[RuleResult]:
 
 
 def _subject(spec: Spec, store: RecordCache | None) -> Subject:
-    for name in ("fm_step-v1", "encoder_fm_step-v1"):  # one has the speed, one the increment
+    # the estimator may use the speed (first scenario) or the increment (second scenario)
+    for name in ("fm_step-v1", "encoder_fm_step-v1"):
         scenario = find_scenario(name).override({"name": "check", "duration": DURATION})
         with suppress(EstimatorError):
             build(spec, scenario)
             break
-    return Subject(spec, scenario, records(scenario, [0], store)[0])  # raises if no scenario fits
+    # if `build` failed for both scenarios, `Subject` raises the error again
+    return Subject(spec, scenario, records(scenario, [0], store)[0])

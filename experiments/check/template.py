@@ -1,4 +1,4 @@
-"""Write the template of a new estimator, and list the commands to run afterwards."""
+"""Write the template of a new estimator, and list the commands with which to continue."""
 
 from importlib.resources import files
 from pathlib import Path
@@ -11,21 +11,22 @@ TEMPLATES = {
     ".c": ("my_estimator.c", "flexaxis.h"),
     ".m": ("my_estimator.m",),
 }
-"""Files to write, keyed by suffix; the first file gets the requested name."""
+"""Files of each template, keyed by suffix; the first file is written under the requested name."""
 
 
 def new(path: Path) -> list[str]:
-    """Write a working estimator and return the commands to run next.
+    """Write a template that works as an estimator, and return the commands to run next.
 
     Parameters
     ----------
     path : Path
-        File in Python (.py), C (.c) or GNU Octave (.m).
+        Path of the new file; the suffix determines the language: Python (.py), C (.c) or GNU Octave
+        (.m).
 
     Raises
     ------
     FlexaxisError
-        If the name is not suitable, or if the file exists.
+        If the file name is not suitable, or if the file already exists.
     """
     if path.suffix not in TEMPLATES or not path.stem.isidentifier():
         raise FlexaxisError(

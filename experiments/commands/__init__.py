@@ -1,4 +1,4 @@
-"""The commands: each reads its options, calls the Python interface and prints the result.
+"""The commands; each command reads its options, calls the Python interface and prints the result.
 
-`options` declares every option once; `run`, `judge`, `look` and `axis` contain the commands.
+`options` declares all options, and `run`, `judge`, `look` and `axis` contain the commands.
 """

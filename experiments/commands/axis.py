@@ -11,7 +11,7 @@ from flexaxis.sim.errors import FlexaxisError
 
 
 def _target(args: Args, default: str, *inputs: Any) -> Path:
-    """Return the path to write; raise an error if it is an input or has a wrong suffix."""
+    """Return the output path; raise an error if it is an input file or has a wrong suffix."""
     check_file(args.log)
     path = args.output or args.log.with_name(args.log.stem + default)
     check_not_input((args.log, args.map, *inputs), path, path.with_suffix(".html"))
@@ -21,7 +21,7 @@ def _target(args: Args, default: str, *inputs: Any) -> Path:
 
 
 def _saved(args: Args, result: Any, path: Path) -> int:
-    """Save the result and its report; print the result and both paths."""
+    """Save a result and its report, print the result and both paths, and return the exit status."""
     page = result.save(path)
     content = result.content | {"path": path, "report": page}
     return answer(args, content, result.status, result, path, f"report: {page}")
@@ -31,9 +31,10 @@ def _saved(args: Args, result: Any, path: Path) -> int:
 def import_(args: Args) -> int:
     """Convert a log of your own axis to a record, and check its data quality.
 
-    LOG is a text table, MAT (all versions), HDF5 or NetCDF file. The checks concern time stamps and
-    gaps, wrapping, clipping, clocks, interpolation, units, resolution, outliers, the kind of
-    torque, signs, and a filtered speed. Each problem is reported with the option that cures it.
+    LOG is a file: a text table, MAT (all versions), HDF5 or NetCDF. The command checks time stamps
+    and gaps, wrapping, clipping, clocks, interpolation, units, resolution, outliers, the kind of
+    torque, signs, and whether the speed is filtered. It reports each problem together with the
+    option that solves the problem.
 
     example:
       flexaxis import log.csv --torque current --angle motor_pos --unit angle=deg -o rec.nc
@@ -50,16 +51,16 @@ def import_(args: Args) -> int:
 def identify(args: Args) -> int:
     """Identify the parameters of your axis from a log, a record, or a folder of logs.
 
-    Dry friction, gravity and similar effects are added if they improve the simulation of held-out
-    pieces of the log. The log of a single axis determines the other parameters only relative to
-    k_T, so k_T (and the gear ratio r) keep their values unless you free them. The exit status is 0
-    if the estimates can be used within their standard deviations, and 1 if not.
+    The model includes dry friction, gravity and similar effects if they improve the simulation of
+    held-out pieces of the log. The log of a single axis determines the other parameters only
+    relative to k_T, so k_T and the gear ratio r keep their values unless you use --free. The exit
+    status is 0 if the estimates are as accurate as their standard deviations indicate, else 1.
 
-    The logs of a folder are read in the order of their names. A CSV file gets one row of estimates
-    per log. The report shows the effect of covariates and any change of a parameter. The exit
-    status is 1 if a parameter changed or a log could not be used.
+    If you give a folder, its logs are read in the order of their names. The command writes a CSV
+    file with one row of estimates per log. The report shows the effect of covariates and any change
+    of a parameter. The exit status is 1 if a parameter changed or a log could not be used.
 
-    MODEL is one_mass, two_mass, three_mass, or a TOML file of your own (docs/logs.md).
+    MODEL is one_mass, two_mass, three_mass, or the path of your own TOML file (docs/logs.md).
 
     example:
       flexaxis identify rec.nc --model two_mass -o axis.toml
@@ -86,11 +87,12 @@ def identify(args: Args) -> int:
 
 @command("log", "--model", "--identify", "--estimator", "--start", "-o", *READING)
 def track(args: Args) -> int:
-    """Track parameters along a log of your axis: estimates, residuals, changes, alarms.
+    """Track parameters in a log of your axis: estimates, residuals, changes and alarms.
 
-    `flexaxis identify` writes AXIS.toml. The estimates go to a NetCDF file, and a report names the
-    parameters that changed or drift, with the time. The exit status is 1 if a parameter changed, or
-    if the log does not match the axis (another unit or sign, or another axis).
+    AXIS.toml is a file that `flexaxis identify` wrote. The command writes the estimates to a NetCDF
+    file. A report lists the parameters that changed or drift, and the times of the changes. The
+    exit status is 1 if a parameter changed, or if the log does not match the axis, for example
+    because of a different unit or sign.
 
     example:
       flexaxis track rec.nc --model axis.toml --identify k_T --identify 1/J_l --identify k

@@ -14,15 +14,16 @@ from flexaxis.sim.errors import FlexaxisError
 def compare(args: Args) -> int:
     r"""Test whether one estimator is better or worse than another, and set the exit status.
 
-    Both estimators run on the same records, and their scores are compared seed by seed. Two folders
-    of finished runs are compared on their common seeds, if their scenarios and versions agree.
-    docs/gate.md explains the statistics.
+    Both estimators run on the same records, and the command compares their scores seed by seed. If
+    you give two folders of finished runs, the command compares the runs with common seeds; the
+    scenarios and versions of both runs must agree. docs/gate.md explains the statistics.
 
-    With --match-std, both estimators are first tuned to the noise of rpem-forgetting, and only the
-    lag is compared. Both must then have a tuning parameter (docs/scores.md).
+    With --match-std, both estimators are first tuned to the same noise as rpem-forgetting, and only
+    the lag is compared. Both estimators must then have a tuning parameter (docs/scores.md).
 
     exit status: 0 no regression; 1 worse; 2 wrong use; 70 a crash; 3 undecided, but only with
-    --strict, or if the candidate loses at least two more runs, fails in more cases, or lacks runs
+    --strict, or if at least two more runs of the candidate diverge, or if the candidate fails in
+    more cases or lacks runs
 
     example:
       flexaxis compare --base old.py:Mine --candidate new.py:Mine
@@ -63,13 +64,13 @@ def tune(args: Args) -> int:
     r"""Find the setting at which an estimator is as noisy as the reference.
 
     The reference is rpem-forgetting with default settings. The estimator starts at the true
-    parameters and runs on the nominal axis without a fault. Its noise is measured by the excess
+    parameters and runs on the nominal axis without a fault. The measure of its noise is the excess
     prediction error, a single number for all parameters. The command tries at most 12 settings of
     the tuning parameter, from 1/1024 to 1024 times the default.
 
-    With --sweep, the estimators run at several settings on a scenario with a fault instead. The
-    results are a table and a figure of lag against noise, and the lags at the noise of the
-    reference.
+    With --sweep, the command instead runs the estimators with several settings on a scenario with a
+    fault. The results are a table and a figure of lag against noise, and the lag of each estimator
+    when it is as noisy as the reference.
 
     example:
       flexaxis tune ekf
@@ -93,11 +94,11 @@ def tune(args: Args) -> int:
 
 @command("estimator")
 def check(args: Args) -> int:
-    """Check that an estimator keeps the rules that its scores rely on.
+    """Check that an estimator follows the rules that are necessary for valid scores.
 
-    The rules concern shapes, finite numbers, step against run, look-ahead, gaps and more. For each
-    broken rule, the command prints the reason for the rule and a hint. It runs the code of the
-    estimator.
+    The rules concern array shapes, finite numbers, the agreement of `step` and `run`, look-ahead,
+    gaps and more. For each broken rule, the command prints the reason for the rule and a hint. The
+    command runs the code of the estimator.
 
     exit status: 0 all rules hold, 1 a rule is broken, 2 the estimator cannot be constructed, 70 its
     constructor crashed
@@ -118,10 +119,10 @@ def check(args: Args) -> int:
 
 @command("path")
 def new(args: Args) -> int:
-    """Write a template for your own estimator, which runs as it is.
+    """Write a template for your own estimator; the template itself is an estimator that works.
 
-    In Python, the template is a class. In C and GNU Octave, it is a program that communicates over
-    a pipe; docs/pipes.md describes the protocol for other languages.
+    In Python, the template is a class. In C and GNU Octave, the template is a program that
+    communicates through a pipe; docs/pipes.md describes the protocol for other languages.
 
     example:
       flexaxis new my_estimator.py

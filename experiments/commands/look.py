@@ -1,4 +1,4 @@
-"""Commands that list, show, teach and reproduce: list, show, demo, paper."""
+"""Commands that show scenarios and estimators, the live axis and the paper."""
 
 from collections import Counter
 from itertools import chain
@@ -7,12 +7,12 @@ from pathlib import Path
 import flexaxis as fx
 from flexaxis.experiments.commands.options import Args, answer, command
 
-MOST = 60  # lines that `list` prints
+MOST = 60  # largest number of lines that `list` prints without --all
 
 
 @command("kind", "--group", "--find", "--all")
 def list_(args: Args) -> int:
-    """List scenarios, suites, estimators, and the scenario for each physical fault.
+    """List scenarios, suites and estimators, and the scenarios for each physical fault.
 
     example:
       flexaxis list
@@ -48,8 +48,8 @@ def list_(args: Args) -> int:
 def show(args: Args) -> int:
     """Show a scenario, a suite or an estimator with all its values.
 
-    A scenario is printed as a description and as TOML, which you can edit and run. An estimator is
-    printed with the meaning and default of each option.
+    For a scenario, the command prints a description and the TOML text, which you can edit and run.
+    For an estimator, the command prints the meaning and the default value of each option.
 
     example:
       flexaxis show fm_step
@@ -64,13 +64,13 @@ def show(args: Args) -> int:
 def demo(args: Args) -> int:
     """Inject faults into a live axis in the browser, and watch which estimator detects them first.
 
-    Estimator A is the paper's method, estimator B the recommended one. Press "motor friction
-    f_m × 2": the diagram on the right shows the remaining error of both, and the theoretical limit.
-    Pause and step through the fault, change λ, Δ, μ, noise and dry friction, or choose other
-    estimators.
+    Estimator A is the paper's method, and estimator B is the recommended estimator. Press "motor
+    friction f_m × 2": the diagram on the right shows the remaining errors of both estimators and
+    the theoretical limit. You can pause and step through the fault, change λ, Δ, μ, noise and dry
+    friction, or choose other estimators.
 
-    Only this computer can open the page, and it needs no network. docs/demo.md explains how to show
-    it to a class.
+    The page can only be opened on this computer, and needs no network. docs/demo.md explains how to
+    show the page to a class.
 
     example:
       flexaxis demo
@@ -89,8 +89,8 @@ def paper(args: Args) -> int:
     """Reproduce the paper's figures and check its claims.
 
     The paper is M. Östring and S. Gunnarsson, "Recursive identification of physical parameters in a
-    flexible robot arm". The folder gets index.html, claims.json, and fig3 to fig9 as .svg and .png.
-    The exit status is 1 if a claim does not hold.
+    flexible robot arm". The command writes index.html, claims.json, and fig3 to fig9 (.svg, .png)
+    to the folder. The exit status is 1 if a claim does not hold.
 
     example:
       flexaxis paper -o results/paper

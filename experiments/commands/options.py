@@ -15,16 +15,18 @@ Main = Callable[[Args], int]
 
 
 COMMANDS: dict[str, tuple[Main, tuple[str, ...]]] = {}
-"""The function and the options of each command."""
+"""Function and names of the options of each command, keyed by the name of the command."""
 
 
 def command(*options: str) -> Callable[[Main], Main]:
-    """Register a function as a command of the same name; its docstring is the help text.
+    """Return a decorator that registers a function as a command of the same name.
+
+    The docstring of the function is the help text of the command.
 
     Parameters
     ----------
     *options : str
-        Names of the command's options, as in `OPTIONS`.
+        Names of the command's options, which `OPTIONS` defines.
     """
 
     def register(main: Main) -> Main:
@@ -35,7 +37,7 @@ def command(*options: str) -> Callable[[Main], Main]:
 
 
 def part(text: str) -> tuple[int, int]:
-    """Return the two integers of "I/N": the number of a shard, and the number of all shards."""
+    """Parse "I/N": return the number I of a shard and the total number N of shards."""
     number, every = map(int, text.split("/"))
     if not 1 <= number <= every:
         raise ValueError(text)
@@ -188,16 +190,17 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "paper: -o DIR": "Folder for figures and claims (default: results/paper).",
     **LOG_OPTIONS,
 }  # fmt: skip
-"""Every option: the key has its name and metavar; the value has its help, and optionally keywords
-for `add_argument`.
+"""All options of all commands.
 
-An option without a metavar is a flag. A key with a prefix such as "track: " is for that command
-only, and takes precedence over the key without a prefix. A help text states unit and default.
+The key contains the name and the metavar of an option. The value is the help text of the option,
+or a tuple of the help text and keyword arguments of `add_argument`. An option without a metavar is
+a flag. A key with a prefix such as "track: " applies only to that command, and takes precedence
+over the key without the prefix. Help texts contain the unit and the default value.
 """
 
 
 def add_options(parser: argparse.ArgumentParser, name: str) -> None:
-    """Declare the options of a command."""
+    """Add the options of a command to its parser."""
     declared = {}
     for key, value in OPTIONS.items():
         only, _, words = key.rpartition(": ")
@@ -219,12 +222,13 @@ def answer(args: Args, content: Mapping[str, Any], status: int = 0, *lines: obje
     Parameters
     ----------
     args : Args
+        Arguments of the command line.
     content : mapping
-        The result for ``--json``; numbers that are not finite become null.
+        Result that is printed with ``--json``; numbers that are not finite become null.
     status : int
-        Exit status, which the function returns.
+        Exit status, which this function returns.
     *lines : object
-        The result as text, one line or block each.
+        Result that is printed without ``--json``; each object is one line or block of text.
     """
     if args.json:
         head = {"flexaxis": version("flexaxis"), "command": args.command, "status": status,
@@ -234,11 +238,11 @@ def answer(args: Args, content: Mapping[str, Any], status: int = 0, *lines: obje
         lines = (json.dumps(finite, ensure_ascii=False),)
     try:
         print(*lines, sep="\n", flush=True)
-    except BrokenPipeError:  # the reader has closed the pipe, as `| head` does
+    except BrokenPipeError:  # another program, such as `head`, has closed the pipe
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     return status
 
 
 def _plain(value: Any) -> Any:
-    """Return an array, a NumPy number or a path as a value that JSON can represent."""
+    """Convert an array, a NumPy number or a path to a value that JSON can represent."""
     return value.tolist() if hasattr(value, "tolist") else str(value)

@@ -12,7 +12,7 @@ ENGINE = ("-o", "--jobs", "--dask", "--shard", "--overwrite", "--time-limit")
 
 
 def work(args: Args) -> dict[str, Any]:
-    """Return the options that say how cases run, as keywords of `fx.benchmark`."""
+    """Return the options that control how cases are run, as keyword arguments of `fx.benchmark`."""
     names = ("jobs", "dask", "shard", "overwrite", "time_limit")
     return {name: getattr(args, name) for name in names if name in args}
 
@@ -21,15 +21,16 @@ def work(args: Args) -> dict[str, Any]:
 def run(args: Args) -> int:
     r"""Run estimators on scenarios over many seeds, score them, and write a report.
 
-    SUITE and SCENARIO are names from `flexaxis list`, or paths to TOML files. Without --estimator,
-    the command runs the estimators of the suite, or those of the suite smoke if you name only
-    scenarios. The folder gets scores.sqlite and scores.csv (one row per scenario, estimator, seed
-    and parameter), summary.json and report.html. The command runs the code of your own estimators.
+    SUITE and SCENARIO are names from `flexaxis list`, or paths of TOML files. Without --estimator,
+    the command runs the estimators of the suite, or the estimators of the suite smoke if you name
+    only scenarios. The command writes these files to the folder: scores.sqlite and scores.csv (one
+    row per scenario, estimator, seed and parameter), summary.json and report.html. The command runs
+    the code of your own estimators.
 
-    A case is one estimator on one record. The command stores each result at once. If you repeat
-    it, it runs only missing cases, so it resumes after Ctrl-C, a kill or a full disk. If a case
-    fails, its row holds the error and the other cases continue; the exit status is then 1, or 70
-    after a crash.
+    A case is one run of one estimator on one record. The command stores the result of each case
+    immediately. If you repeat the command, it runs only missing cases, so you can resume a run
+    after Ctrl-C, a kill or a full disk. If a case fails, its row contains the error, and the other
+    cases are still run; the exit status is then 1, or 70 after a crash.
 
     example:
       flexaxis run smoke
@@ -60,7 +61,7 @@ def run(args: Args) -> int:
 def study(args: Args) -> int:
     r"""Run a study, which sweeps keys of scenarios, faults and estimators over many seeds.
 
-    STUDY.toml names scenarios, estimators and seeds, and the values to sweep:
+    STUDY.toml specifies scenarios, estimators, seeds, and the values of each swept key:
 
       scenario = "fm_step"
       estimators = ["rpem-forgetting", "glr"]
@@ -69,11 +70,11 @@ def study(args: Args) -> int:
       "fault[0].factor" = [1.1, 1.5, 2.0, 3.0]      # a key of the scenario or of its faults
       "rpem-forgetting.forgetting" = [0.99, 0.995]  # an option ("estimator.X": of all estimators)
 
-    A case is one estimator on one record. The command stores each result at once. If you repeat
-    it, it runs only missing cases, also after you have added estimators, seeds or values to the
-    file. If a case fails, its row holds the error; the exit status is then 1, or 70 after a crash.
-    Except in a dry run, the command runs the code that the file names: use only files that you
-    trust.
+    A case is one run of one estimator on one record. The command stores the result of each case
+    immediately. If you repeat the command, it runs only missing cases, also after you have added
+    estimators, seeds or values to the file. If a case fails, its row contains the error; the exit
+    status is then 1, or 70 after a crash. Except in a dry run, the command runs the code of the
+    estimators in the file, so use only files that you trust.
 
     example:
       flexaxis study docs/examples/friction_steps.toml --dry-run
@@ -98,7 +99,7 @@ def study(args: Args) -> int:
 
 
 def _results(args: Args, results: Any) -> int:
-    """Print the scores, the failures and the path of the report."""
+    """Print the scores, the failures and the path of the report, and return the exit status."""
     from flexaxis.experiments.reporting.terminal import run_text
 
     whole, lines = args.shard == (1, 1), results.problems
@@ -129,8 +130,8 @@ def report(args: Args) -> int:
 def rerun(args: Args) -> int:
     """Run cases of a results folder again, and compare the new scores with the stored ones.
 
-    Use it to check your own or somebody else's results. The command does not change the folder. It
-    runs the code of your own estimators, which must still be in the same place.
+    Use this command to check your own or somebody else's results. The command does not change the
+    folder. The command runs the code of your own estimators, which must still be at the same path.
 
     exit status: 0 if all scores agree within a relative difference of 1e-6, else 1
 
@@ -151,9 +152,9 @@ def rerun(args: Args) -> int:
 def simulate(args: Args) -> int:
     """Simulate a scenario and save the record: measured signals and true values.
 
-    With --as-log, the command writes a log instead, as a robot would: without true values, and
-    optionally with other units, a jittering clock and gaps. Use such a log to practise `import` and
-    `identify`.
+    With --as-log, the command writes a log like that of a real robot instead: without true values,
+    and optionally with other units, jittering time stamps and gaps. Use such a log to practise
+    `import` and `identify`.
 
     example:
       flexaxis simulate fm_step --seed 0 -o rec.nc
@@ -185,8 +186,8 @@ def simulate(args: Args) -> int:
 def estimate(args: Args) -> int:
     """Run an estimator on a record and save the estimates over time.
 
-    The record's scenario gives the estimator the nominal parameters and the period, and determines
-    which parameters it identifies and which signal it reads.
+    The scenario of the record determines the nominal parameters and the period that the estimator
+    receives, the parameters that it estimates, and the signal that it uses.
 
     example:
       flexaxis estimate rec.nc --estimator rpem-forgetting -o est.nc

@@ -1,6 +1,6 @@
-"""Reproduces the paper of Östring and Gunnarsson on MuJoCo data.
+"""Reproduce the paper of Östring and Gunnarsson with data from MuJoCo.
 
-`evidence` simulates and estimates, `measures` computes numbers from the results, `claims` (with
-``claims.toml``) checks the paper's claims with these numbers, `figures` draws, and `reproduce`
-writes the page.
+`evidence` simulates the experiments and estimates the parameters, `measures` computes numbers from
+the estimates, and `claims` (with ``claims.toml``) uses these numbers to check the paper's claims.
+`figures` draws the figures, and `reproduce` writes the page.
 """

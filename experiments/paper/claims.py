@@ -1,7 +1,7 @@
 """Check the claims of the paper.
 
-``claims.toml`` has the text of each claim, the measure that tests it, and limits for all measured
-values. This module has the conditions that limits cannot express.
+``claims.toml`` contains the text of each claim, the measure that tests the claim, and limits of the
+measured values. This module contains the conditions that limits cannot express.
 """
 
 import tomllib
@@ -16,15 +16,16 @@ from flexaxis.experiments.paper.measures import Measures
 from flexaxis.experiments.scoring.scores import finite
 
 CLAIMS = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
-"""The claims in the order of the paper, keyed by id."""
+"""Claims in the order of the paper, keyed by id."""
 PEAKS = (95.0, 125.0, 185.0)
-"""Peaks of the torque spectrum that the paper reports [rad/s]."""
+"""Frequencies of the peaks of the torque spectrum that the paper reports [rad/s]."""
 
 
 def nearest_half_of_P(ratios: pd.Series) -> bool:
-    """Return whether measured standard deviations fit σ²P/2 better than σ²P or σ²P/4.
+    """Return whether the measured variances agree better with σ²P/2 than with σ²P or σ²P/4.
 
-    The ratios are relative to √(σ²P/2). The other two candidates differ from it by a factor of √2.
+    `ratios` are the measured standard deviations divided by √(σ²P/2). The standard deviations of
+    the other two candidates are larger or smaller by a factor of √2.
     """
     return bool(abs(np.log2(ratios).mean()) < 0.25)
 
@@ -44,25 +45,29 @@ CONDITIONS: Mapping[str, Callable[[pd.Series], Any]] = {
     "friction-is-noisier": lambda std: std["modification"] > 3 * std["forgetting"],
     "variance-with-forgetting": nearest_half_of_P,
     "variance-with-modification": nearest_half_of_P,
-    "regularisation-bounds-modification": lambda p: p["μ = 10"] >= 0.98,  # others are slower
+    # with a smaller μ, P approaches its bound more slowly
+    "regularisation-bounds-modification": lambda p: p["μ = 10"] >= 0.98,
     "regularisation-stops-the-burst": lambda burst: burst["μ = 0"] > 100 and burst["μ = 1"] < 20,
     "reset-can-be-too-large": lambda loss: loss.max() > 3,
 }
-"""Conditions for claims that limits on the measured values cannot express."""
+"""Conditions on measured values that limits cannot express, keyed by the id of the claim."""
 
 
 def holds(name: str, measured: pd.Series) -> bool:
-    """Return whether a claim holds: its values exist, are within limits, and fit its condition."""
+    """Return whether a claim holds: its values are within the limits and satisfy its condition.
+
+    If a claim has no condition, it must have at least one measured value.
+    """
     limits = CLAIMS[name].get("between", [-np.inf, np.inf])
     condition = CONDITIONS.get(name, len)
     return bool(measured.between(*limits).all() and condition(measured))
 
 
 def decide(name: str, evidence: Measures) -> dict[str, Any]:
-    """Return the entry of a claim for claims.json; numbers that are not finite become None.
+    """Check a claim, and return its entry for claims.json.
 
-    Values for each identified parameter are keyed by its name; a single number has the key
-    ``value``.
+    Measured values are keyed by the names of the identified parameters, or by ``value`` if there is
+    only one number. Numbers that are not finite become None.
     """
     claim = CLAIMS[name]
     result = getattr(evidence, claim["measure"])(*claim.get("with", ()))

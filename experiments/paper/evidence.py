@@ -1,6 +1,6 @@
-"""The data for the claims: MuJoCo runs, and estimates on them.
+"""The data for the claims: runs simulated with MuJoCo, and estimates computed from these runs.
 
-No estimator is tuned on these seeds. Each result is computed on first use.
+No estimator has been tuned on these seeds. Each result is computed when it is first used.
 """
 
 from collections.abc import Mapping, Sequence
@@ -26,21 +26,24 @@ ByName = Mapping[str, Any]
 Method = str | tuple[float, ...]
 
 FAULTS = {"k_T": ("kt_step-v1", 0.97), "1/J_a": ("ja_step-v1", 1.02), "f_m": ("fm_step-v1", 1.1)}
-"""The step-fault scenario of each identified parameter, and a smaller factor on k_T, J_a or f_m:
-small enough for linear theory, yet well above the noise."""
+"""Scenario with a step fault of each identified parameter, and a smaller factor of the fault.
+
+The smaller factor multiplies k_T, J_a or f_m. It causes a change that is small enough for linear
+theory but much larger than the noise.
+"""
 PAUSE = (10.0, 30.0)
-"""Begin and end of the standstill in the scenario that shows windup [s]."""
+"""Begin and end of the standstill in the scenario that demonstrates windup [s]."""
 FORGETTING = 0.995
 METHODS = ("forgetting", "modification")
 SIZES = {"nominal": 30, "long": 8, "calm": 30, "others": 16}
-"""Number of runs of the paper's experiment, of its 60 s version, of its version that starts at the
-true parameters, and of each standstill or fault."""
+"""Numbers of runs: of the paper's experiment, of its version with 60 s, of its version in which the
+estimates start at the true parameters, and of each scenario with a standstill or fault."""
 STRIDE = 20
 """Number of samples between two stored values of P."""
 
 
 class Runs(NamedTuple):
-    """Results of the recursive method on S records of N samples.
+    """Results of the recursive method for S records of N samples.
 
     Attributes
     ----------
@@ -55,33 +58,35 @@ class Runs(NamedTuple):
 
 
 class Evidence:
-    """Simulated records, and estimates on them.
+    """Simulated records, and estimates computed from these records.
 
     Parameters
     ----------
     first : int
         Seed of the first run.
     sizes : mapping of str to int
-        Numbers of runs, as in `SIZES`.
+        Numbers of runs, with the keys of `SIZES`.
 
     Attributes
     ----------
     scenario : Scenario
-        The paper's experiment.
+        Scenario of the paper's experiment.
     scenarios : dict of str to Scenario
-        The paper's experiment (``"nominal"``), and variants that start at the true parameters: the
-        same experiment (``"calm"``), over 60 s (``"long"``), with a standstill (``"pause"``), with
-        a step fault (keyed by the identified parameter that changes), and with a small step (such
+        Scenario of the paper's experiment (``"nominal"``), and variants in which the estimates
+        start at the true parameters: the same experiment (``"calm"``), a longer one of 60 s
+        (``"long"``), one with a standstill (``"pause"``), one with a step fault of each identified
+        parameter (keyed by the parameter), and one with a small step fault of each parameter (such
         as ``"small f_m"``).
     onset : int
-        First sample after the fault; it is the same in all scenarios with a fault.
+        Index of the first sample after the fault, which is the same in all scenarios with a fault.
     model : Parametrization
-        The nominal axis as a function of the identified parameters.
+        Model of the nominal axis as a function of the identified parameters.
     theta : ndarray (p,)
         Nominal values of the identified parameters.
     adaptations : dict of str to dict
-        Options of `Rpem` for each named method: the paper's λ, Δ of eq. (32), and slower versions
-        of both. A method can also be a tuple of time constants [s], one per parameter.
+        Options of `Rpem` for each method, keyed by the name of the method. The methods are
+        forgetting with the paper's λ, covariance modification with Δ of eq. (32), and slower
+        versions of both. A method can also be a tuple of time constants [s], one per parameter.
     """
 
     def __init__(self, *, first: int = FIRST, sizes: Mapping[str, int] = SIZES) -> None:
@@ -97,7 +102,7 @@ class Evidence:
             "forgetting": {"forgetting": FORGETTING},
             "modification": {"drift": self.drift},
             "slow forgetting": {"forgetting": 0.999},
-            "slow modification": {"drift": self.drift / 16},  # 4 times slower
+            "slow modification": {"drift": self.drift / 16},  # time constants are 4 times longer
         }
         calm = scenario.override({"start": 1.0})
         pause = {"duration": 45.0, "excitation.pause": [list(PAUSE)]}
@@ -114,74 +119,78 @@ class Evidence:
 
     @cache  # noqa: B019
     def records(self, group: str) -> list[Any]:
-        """Return the records of a scenario in `scenarios`."""
+        """Return the records of the scenario with the key `group` in `scenarios`."""
         number = self.sizes.get(group, self.sizes["others"])
         seeds = range(self.first, self.first + number)
         return records(self.scenarios[group], seeds, default_cache())
 
     @cached_property
     def reference(self) -> Array:
-        """Torque (8000,) [N m] of a separate run at nominal parameters."""
+        """Torque (8000,) [N m] of a separate run with nominal parameters."""
         return nominal_torque(self.scenario)
 
     def predict(self, torque: Array) -> tuple[Array, Array]:
-        """Return ŷ (N,) and ψ (N, p) at nominal parameters for a torque (N,)."""
+        """Return ŷ (N,) and ψ (N, p), computed with nominal parameters from a torque (N,)."""
         return predict(self.model, self.theta, torque, period=self.period)
 
     def steady(self, signal: Array) -> Array:
-        """Return the last two periods of a signal (N, …), after all transients."""
+        """Return the last two periods of a signal (N, …), in which all transients have decayed."""
         return signal[-2 * round(self.excitation.period / self.period) :]
 
     def gradient_power(self, torque: Array) -> Array:
-        """Return E ψψᵀ (p, p) for a torque (N,), eq. (31)."""
+        """Return E ψψᵀ (p, p) of eq. (31), given a torque (N,)."""
         psi = self.steady(self.predict(torque)[1])
         return psi.T @ psi / len(psi)
 
     @cached_property
     def Q(self) -> Array:
-        """E ψψᵀ (p, p) for the reference torque."""
+        """E ψψᵀ (p, p), computed from the torque `reference`."""
         return self.gradient_power(self.reference)
 
     def adaptation(self, method: Method) -> ByName:
-        """Return the options of `Rpem` for a method; time constants are converted to Δ."""
+        """Return the options of `Rpem` for a method; time constants are converted to a matrix Δ."""
         if isinstance(method, str):
             return self.adaptations[method]
         return {"drift": drift_for(method, self.Q, period=self.period)}
 
     def steady_P(self, method: Method) -> Array:
-        """Return the steady-state P (p, p) of a method by eq. (29) or (30)."""
+        """Return the steady-state P (p, p) of a method, computed using eq. (29) or (30)."""
         return steady_P(self.Q, **self.adaptation(method))
 
     @cache  # noqa: B019
     def recipe(self, method: Method) -> Array:
-        """Return the diagonal of P(0) (p,), computed as section 5.2 of the paper describes."""
+        """Return the diagonal (p,) of P(0), computed as described in section 5.2 of the paper."""
         return priors.nominal_P(
             self.axis, self.reference, identify=self.names, period=self.period,
             **self.adaptation(method),
         )  # fmt: skip
 
     def runs(self, method: Method) -> Runs:
-        """Return the runs of a method: slow methods run for 60 s from nominal values."""
+        """Return the results of a method.
+
+        `METHODS` are run on the paper's experiment. Slower methods are run for 60 s, and start at
+        nominal values.
+        """
         return self.filtered("nominal" if method in METHODS else "long", method)
 
     @cache  # noqa: B019
     def filtered(self, group: str, method: Method, *, mu: float = 0.0, prior: float = 0.0) -> Runs:
         """Run the recursive prediction-error method on each record of a group.
 
-        P(0) follows eq. (29) or (30) if the run starts at nominal values; otherwise it is computed
-        by `recipe`.
+        P(0) is computed using eq. (29) or (30) if the estimates start at nominal values, and using
+        `recipe` otherwise.
 
         Parameters
         ----------
         group : str
-            A key of `scenarios`.
+            Key of a scenario in `scenarios`.
         method : str or tuple of float
-            A key of `adaptations`, or time constants [s].
+            Key of a method in `adaptations`, or time constants [s].
         mu : float
             Regularisation μ of eq. (12).
         prior : float
-            Relative standard deviation of the estimates to which P is reset at the onset of the
-            fault; 0 for no reset.
+            Relative standard deviation of the estimates that corresponds to the value of P after a
+            reset at the onset of the fault; 0 means no reset.
         """
         theta, P, nominal, start = [], [], self.theta, self.scenarios[group].start
         P0 = self.steady_P(method) if start == 1 else self.recipe(method)
@@ -201,7 +210,11 @@ class Evidence:
         return Runs(np.reshape(theta, shape) / nominal, np.reshape(P, shape))
 
     def identified(self, names: Sequence[str], start: float, record: int = 0) -> Identified:
-        """Identify parameters off-line from a 60 s run; `start` is the start value / nominal."""
+        """Identify parameters off-line from a run of 60 s.
+
+        `start` is the ratio of the start values to the nominal values, and `record` is the index of
+        the run.
+        """
         theta = start * self.axis.parametrize(names).theta
         measured = signals(self.records("long")[record])
         return output_error(
@@ -211,12 +224,15 @@ class Evidence:
 
     @cached_property
     def offline(self) -> list[Identified]:
-        """The three parameters, identified on each 60 s record, starting at 1.2 × nominal."""
+        """Results of off-line identification of the three parameters, one for each 60 s record.
+
+        The searches start at 1.2 × nominal.
+        """
         return [self.identified(self.names, 1.2, i) for i in range(len(self.records("long")))]
 
     @cached_property
     def physical(self) -> Identified:
-        """Off-line estimates of all parameters except r and k_T, which sets the scale."""
+        """Off-line estimates of all parameters except r and k_T, which determines the scale."""
         return self.identified(self.axis.parameters[1:-1], 1.2)
 
 

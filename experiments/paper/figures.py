@@ -1,4 +1,4 @@
-"""Figures 3 to 9 of the paper; each function draws one from the measures and returns a Figure."""
+"""Figures 3 to 9 of the paper; each function draws one figure from the measures and returns it."""
 
 from collections.abc import Iterable, Mapping
 from functools import partial
@@ -17,14 +17,14 @@ FREQUENCY, TIME = "frequency [rad/s]", "time [s]"
 
 
 def named(names: Iterable[str], x: Any, rows: Any, **options: Any) -> list[Series]:
-    """Return a named curve for each row (M,)."""
+    """Return one curve for each name, with the abscissae `x` (M,) and a row (M,) of ordinates."""
     return [
         Series(x=x, y=y, estimator=name, **options) for name, y in zip(names, rows, strict=True)
     ]
 
 
 def fig3(e: Measures) -> Figure:
-    """Draw the spectrum of the torque in closed loop."""
+    """Draw the amplitude spectrum of the torque in closed loop."""
     omega, amplitude = e.torque_lines()
     return curves(
         {"amplitude [N m]": [Series(x=omega, y=amplitude, role="data", label="torque")]},
@@ -36,7 +36,7 @@ def fig3(e: Measures) -> Figure:
 
 
 def fig4(e: Measures) -> Figure:
-    """Draw the Bode diagrams of the axis, the identified physical model and an ARX model."""
+    """Draw Bode diagrams of the axis, of the identified physical model and of an ARX model."""
     omega = np.geomspace(20, 400, 600)
     result, names = e.responses(omega), (PHYSICAL, "ARX, order 40")
     rows = np.array([result[name] for name in ("axis", *names)])
@@ -50,7 +50,7 @@ def fig4(e: Measures) -> Figure:
 
 
 def fig5(e: Measures) -> Figure:
-    """Draw the squared gain |G_θ|² of the gradient of each of the three parameters."""
+    """Draw the squared gains |G_θ|² from the torque to the gradients of the three parameters."""
     omega = np.linspace(1, 220, 1000)
     _, slopes = frequency_response(e.model, e.theta, omega, period=e.period)
     gains = named(e.names, omega, np.abs(slopes.T) ** 2)
@@ -59,7 +59,7 @@ def fig5(e: Measures) -> Figure:
 
 
 def estimates(method: str, e: Measures) -> Figure:
-    """Draw the estimates over time, with the same axis limits for each method."""
+    """Draw the estimates as functions of time, with the same axis limits for each method."""
     time, theta = e.scenario.times[::STRIDE], e.runs(method).theta[:, ::STRIDE]
     panels = {}
     for name, columns in zip(e.names, theta.T, strict=True):
@@ -72,7 +72,7 @@ def estimates(method: str, e: Measures) -> Figure:
 
 
 def diagonal(method: str, e: Measures) -> Figure:
-    """Draw diag P of the first run with its theoretical values, with fixed axis limits."""
+    """Draw diag P of the first run and its theoretical values, with fixed axis limits."""
     time, y = e.scenario.times[STRIDE - 1 :: STRIDE], "diagonal of P"
     levels = np.outer(np.diag(e.steady_P(method)), [1, 1])
     theory = named(e.names, time[[0, -1]], levels, role="bound", label="_")
@@ -115,4 +115,4 @@ FIGURES: Mapping[str, tuple[Any, str, str]] = {
         "Dotted: the solution of P Q P = Δ, eq. (30).",
     ),
 }
-"""Function, title and caption of each figure, keyed by the name of its file."""
+"""Function, title and caption of each figure, keyed by the name of the figure's file."""

@@ -1,4 +1,4 @@
-"""The numbers that test the claims, computed from the simulations and estimates."""
+"""The numbers that test the claims, computed from the simulations and the estimates."""
 
 from collections.abc import Iterable, Iterator
 from functools import partial
@@ -38,17 +38,17 @@ BAND = (40.0, 188.0)
 ORDERS = (10, 30, 40)
 """Orders of the ARX models."""
 SLOW = (3 * (1.2,), 3 * (2.4,))
-"""Time constants of the three parameters that are longer than the memory of the plant [s]."""
+"""Two designs: time constants of the three parameters, longer than those of the plant [s]."""
 MU = (0.1, 1.0, 10.0)
-"""Values of μ of eq. (12) for which P(0) is below the bound on P."""
+"""Values of μ in eq. (12) with which P(0) is below the bound of P."""
 WINDOW = 1000
-"""Number of samples evaluated after a fault or a standstill."""
+"""Number of samples that are evaluated after a fault or a standstill."""
 LAST = 2000
-"""Number of last samples from which a standard deviation is computed."""
+"""Number of samples at the end of a run from which a standard deviation is computed."""
 
 
 def worst(ratios: ArrayLike) -> Array:
-    """Return the ratio farthest from one in each column of (S, p), inverted if it is below one."""
+    """Return the ratio farthest from 1 in each column (S, p); a ratio below 1 is inverted."""
     return np.exp(np.abs(np.log(ratios)).max(axis=0))
 
 
@@ -60,26 +60,27 @@ def decibels(response: Any) -> Any:
 def std(runs: Runs) -> Array:
     """Return the relative standard deviation of the estimates (p,).
 
-    It is computed across runs at each time, and pooled over the last 10 s. A standard deviation
-    over time within a run would be too small for slow estimates, such as k_T with Δ of eq. (32).
+    The variance of all runs is computed at each time and averaged over the last 10 s. If the
+    variance were computed from the values of one run at different times, it would be too small for
+    slow estimates, such as that of k_T with Δ of eq. (32).
     """
     return np.sqrt(np.var(runs.theta[:, -LAST:], axis=0, ddof=1).mean(axis=0))
 
 
 class Measures(Evidence):
-    """The measures that test the claims; each method computes one of them."""
+    """The measures that test the claims; each public method computes one measure."""
 
     def prediction_error(self) -> Any:
-        """Return the relative rms error of ŷ at the true parameters; the reference has no noise."""
+        """Return the rms error of ŷ at the true parameters divided by the rms of the true speed."""
         record = self.records("nominal")[0]
         error = self.predict(record.torque)[0] - record.true_speed
         return np.std(error) / np.std(record.true_speed)
 
     def samples_late(self) -> ByName:
-        """Return the delay after which a step of each parameter affects the motor speed [samples].
+        """Return the delay of the effect of each parameter's step on the motor speed [samples].
 
-        The effect starts at the first sample at which the run differs from a run with the step one
-        sample later. The expected sample, with a delay of 0, is the one after the onset.
+        The effect begins at the first sample at which the run differs from a run in which the step
+        occurs one sample later. If this is the first sample after the onset, the delay is 0.
         """
         result = {}
         for name in self.names:
@@ -97,7 +98,7 @@ class Measures(Evidence):
                 for i, j in np.argwhere(slope)}  # fmt: skip
 
     def gradient_error(self) -> ByName:
-        """Return the relative difference of ψ and a finite difference of ŷ for every parameter."""
+        """Return, for each parameter, the relative difference of ψ and a finite difference of ŷ."""
         model = self.axis.parametrize(self.axis.parameters)
         torque = self.records("nominal")[0].torque[:WINDOW]
         both = partial(predict, model, u=torque, period=self.period)
@@ -111,11 +112,15 @@ class Measures(Evidence):
         torque = self.steady(self.records("nominal")[0].torque)
         omega, power = line_spectrum(torque, period=self.period)
         last = round(2 * self.excitation.high * self.excitation.period)
-        lines = slice(2, last + 1, 2)  # the DFT of two periods has every second line
+        # the DFT of two periods is zero between the lines
+        lines = slice(2, last + 1, 2)
         return omega[lines], np.sqrt(2 * power[lines])
 
     def torque_peaks(self) -> ByName:
-        """Return the peaks of the torque's spectrum [rad/s]; the band edge can also be a peak."""
+        """Return the frequencies of the peaks of the torque's spectrum [rad/s].
+
+        An edge of the band counts as a peak if the amplitude is highest there.
+        """
         omega, amplitude = self.torque_lines()
         peaks, _ = find_peaks(np.r_[0, amplitude, 0])
         return {f"peak {i}": w for i, w in enumerate(omega[peaks - 1], 1)}
@@ -130,7 +135,7 @@ class Measures(Evidence):
         return np.diag(self.Q)
 
     def power_over_spectrum(self) -> Array:
-        """Return the mean of ψ² divided by the integral of |G_θ|² Φ_u, for the worst run."""
+        """Return the mean of ψ² (p,) divided by the integral of |G_θ|² Φ_u, for the worst run."""
         ratios = []
         for record in self.records("nominal"):
             power = self.gradient_power(record.torque)
@@ -140,11 +145,11 @@ class Measures(Evidence):
         return worst(ratios)
 
     def offline_error(self) -> Array:
-        """Return the largest error of off-line identification in any run [% of nominal]."""
+        """Return the largest error (p,) of off-line identification in all runs [% of nominal]."""
         return 100 * np.max([np.abs(run.theta / self.theta - 1) for run in self.offline], axis=0)
 
     def offline_deviations(self) -> Array:
-        """Return the off-line errors (S, p) divided by their reported standard deviations."""
+        """Return |off-line error| (S, p) divided by the reported standard deviation."""
         return np.abs([(r.theta - self.theta) / r.standard_deviations for r in self.offline])
 
     def worst_deviations(self) -> Array:
@@ -156,32 +161,36 @@ class Measures(Evidence):
         return rms(self.offline_deviations().ravel())
 
     def near_starts(self) -> ByName:
-        """Return the largest relative difference of two results, and the number of warnings.
+        """Return the largest relative difference of two off-line results.
 
-        The searches start at 1.2 and at 1.5 times nominal.
+        The two searches start at 1.2 and at 1.5 times nominal. The second value is the number of
+        warnings of both results.
         """
         near, other = self.offline[0], self.identified(self.names, 1.5)
         difference = np.abs(near.theta / other.theta - 1).max()
         return {"difference": difference, "warnings": len((*near.warnings, *other.warnings))}
 
     def far_starts(self) -> ByName:
-        """Return the residual's correlation for each start, or 0 if there was no warning."""
+        """Return the correlation of the residual for each start that is far from nominal.
+
+        The value is 0 if the result has no warning about a local minimum.
+        """
         runs = {f"{start:g}×": self.identified(self.names, start) for start in (0.5, 0.7, 2.0)}
         return {
             n: r.correlation * ("local minimum" in " ".join(r.warnings)) for n, r in runs.items()
         }
 
     def free_scale(self) -> ByName:
-        """Return the condition number with all parameters free.
+        """Return the condition number of an identification in which even the scale is free.
 
-        The second value is the number of parameters that no warning names.
+        The second value is the number of parameters that are not mentioned in any warning.
         """
-        run = self.identified(self.axis.parameters[:-1], 1.0)  # all but r, which is the last
+        run = self.identified(self.axis.parameters[:-1], 1.0)  # all parameters except r, the last
         warned = " ".join(run.warnings)
         return {"condition": run.condition, "unnamed": sum(n not in warned for n in run.names)}
 
     def responses(self, omega: Array) -> dict[str, Any]:
-        """Return the frequency responses (M,) of the axis and of the models of Fig. 4."""
+        """Return the frequency responses (M,) of the axis and of the models in Fig. 4, by name."""
         u, y = signals(self.records("long")[0])
         result = {f"ARX, order {n}": fit_arx(u, y, order=n, period=self.period).response(omega)
                  for n in ORDERS}  # fmt: skip
@@ -191,34 +200,35 @@ class Measures(Evidence):
         return result
 
     def magnitude_error(self, *names: str) -> ByName:
-        """Return the largest error of the magnitude of each model within `BAND` [dB]."""
+        """Return the largest error of each model's magnitude within `BAND` [dB], by name."""
         result = self.responses(np.linspace(*BAND, 400))
         return {name: np.abs(decibels(result[name] / result["axis"])).max() for name in names}
 
     def final_error(self, percentile: float) -> Array:
-        """Return a percentile, over the runs, of the final error (p,) with forgetting [%]."""
+        """Return a percentile of the final errors (p,) of all runs with forgetting [%]."""
         errors = np.abs(self.runs("forgetting").theta[:, -1] - 1)
         return 100 * np.percentile(errors, percentile, axis=0)
 
     def settled(self, errors: Iterable[Array], level: float) -> Array:
-        """Return the time after which the median error of each parameter stays below a level [s].
+        """Return the times (p,) [s] after which the median errors remain below a level.
 
         Parameters
         ----------
         errors : iterable of ndarray (S, n)
-            Errors of each parameter in S runs.
+            Errors of each of the p parameters in S runs, at n samples.
         level : float
+            Limit of the absolute value of the median error.
         """
         medians = [np.median(error, axis=0) for error in errors]
         return np.array([settling(error, level, self.period) for error in medians], float)
 
     def times(self, method: str, level: float) -> Array:
-        """Return the times (p,) [s] after which the median of error / start stays below `level`."""
+        """Return the times (p,) [s] after which median error / initial error is below `level`."""
         errors = (self.runs(method).theta - 1) / (self.scenario.start - 1)
         return self.settled(errors.transpose(2, 0, 1), level)
 
     def mean_P(self, method: str) -> Array:
-        """Return the mean of diag P (p,) over the second halves of all runs."""
+        """Return the mean of diag P (p,) in the second halves of all runs."""
         P = self.runs(method).P
         return P[:, P.shape[1] // 2 :].mean(axis=(0, 1))
 
@@ -227,33 +237,33 @@ class Measures(Evidence):
         return self.mean_P("modification") / self.mean_P("slow modification")
 
     def recipe_over_mean(self) -> Array:
-        """Return P(0) of `recipe` divided by the mean of diag P, for the worse of both methods."""
+        """Return P(0) of `recipe` (p,) divided by the mean of diag P, for the worse method."""
         return worst([self.recipe(method) / self.mean_P(method) for method in METHODS])
 
     def times_of_k_T(self) -> ByName:
-        """Return t63 of k_T with each of the two methods [s]."""
+        """Return the settling time of k_T to 37 % of the initial error with each method [s]."""
         return {method: self.times(method, 0.37)[0] for method in METHODS}
 
     def stds(self, name: str) -> ByName:
-        """Return the standard deviation of an estimate with each method [% of nominal]."""
+        """Return the standard deviation of the estimate of `name` with each method [%]."""
         return {m: 100 * std(self.runs(m))[self.names.index(name)] for m in METHODS}
 
     def over_theory(self, method: str) -> Array:
-        """Return the mean of diag P (p,) divided by the diagonal of eq. (29) or (30)."""
+        """Return the mean of diag P (p,) divided by the diagonal of P in eq. (29) or (30)."""
         return self.mean_P(method) / np.diag(self.steady_P(method))
 
     def claimed(self, P: Array) -> Array:
-        """Return the relative standard deviation √(σ² P/2) (p,) that P (p, p) predicts."""
+        """Return the relative standard deviations √(σ² P/2) (p,) that follow from P (p, p)."""
         return np.sqrt(np.diag(estimate_covariance(P, self.scenario.noise.speed**2))) / self.theta
 
     def std_over_claim(self, method: str) -> Array:
-        """Return the measured standard deviation divided by √(σ² P/2) with the mean of diag P."""
+        """Return the measured standard deviations (p,) divided by √(σ² P/2), using the mean P."""
         return std(self.runs(method)) / self.claimed(np.diag(self.mean_P(method)))
 
     def peaks_over_bounds(self, method: str) -> ByName:
-        """Return the largest P during a standstill divided by its bound, keyed by μ.
+        """Return the largest ratio of P to its bound in a run with a standstill, keyed by μ.
 
-        The bound of P_ii is (1−λ)/μ with forgetting and √(Δ_ii/μ) with covariance modification.
+        The bound of P_ii is (1−λ)/μ with forgetting, and √(Δ_ii/μ) with covariance modification.
         """
         result = {}
         for mu in MU:
@@ -267,7 +277,7 @@ class Measures(Evidence):
         return P.max() / P[:, 0].max()
 
     def bursts(self) -> ByName:
-        """Return the median, over runs, of the largest error after a standstill [%], keyed by μ."""
+        """Return the median of all runs' largest errors after a standstill [%], keyed by μ."""
         restart, result = round(PAUSE[1] / self.period), {}
         for mu in (0.0, 1.0):
             theta = self.filtered("pause", "forgetting", mu=mu).theta[:, restart:][:, :WINDOW]
@@ -275,7 +285,10 @@ class Measures(Evidence):
         return result
 
     def steps(self, kind: str, method: Method, **options: float) -> Iterator[Array]:
-        """Yield θ̃/D (S, n) of each parameter from the onset of its fault."""
+        """Yield, for each parameter, the errors (S, n) from the onset of its fault on.
+
+        The errors are divided by the size of the fault.
+        """
         for i, name in enumerate(self.names):
             parameters = self.records(kind + name)[0].true_parameters[self.onset - 1 :]
             before, *after = true_theta(self.names, parameters)[:, i] / self.theta[i]
@@ -283,31 +296,38 @@ class Measures(Evidence):
             yield (theta - after) / abs(after[0] - before)
 
     def lags(self, method: str, **options: float) -> Array:
-        """Return the mean lag (p,) after a fault of each parameter [s]."""
+        """Return the mean lag (p,) of each parameter after its fault [s]."""
         errors = self.steps("", method, **options)
         return np.array([lag(error[:, :WINDOW].T, self.period).mean() for error in errors])
 
     def lag_ratio(self, prior: float, base: float) -> Array:
         """Return the lags (p,) with a reset to `prior`, divided by the lags with a reset to `base`.
 
-        A value of 0 means no reset.
+        If `prior` or `base` is 0, there is no reset.
         """
         return self.lags("forgetting", prior=prior) / self.lags("forgetting", prior=base)
 
     def prices(self) -> ByName:
-        """Return the lag with μ = 1 divided by the lag with μ = 0, largest over the parameters."""
+        """Return the largest ratio of a parameter's lag with μ = 1 to its lag with μ = 0.
+
+        The ratios are keyed by method.
+        """
         return {method: np.max(self.lags(method, mu=1.0) / self.lags(method)) for method in METHODS}
 
     def t63_over(self, *targets: float) -> Array:
-        """Return t63 after a small step divided by the time constants [s] for which Δ is chosen."""
+        """Return the settling times after a small step (p,) divided by the desired time constants.
+
+        Δ is designed for the desired time constants `targets` [s]. The settling time ends when the
+        error is below 37 % of the step.
+        """
         return self.settled(self.steps("small ", targets), 0.37) / targets
 
     def slow_t63(self) -> Array:
-        """Return the worst ratio of `t63_over` (p,) for the time constants in `SLOW`."""
+        """Return the ratios of `t63_over` (p,) farthest from 1, for the designs in `SLOW`."""
         return worst([self.t63_over(*targets) for targets in SLOW])
 
     def slow_std(self) -> Array:
-        """Return measured / predicted standard deviation (p,), as the mean over `SLOW`."""
+        """Return the mean ratios (p,) of measured to predicted std for the designs in `SLOW`."""
         return np.mean(
             [
                 std(self.filtered("calm", targets)) / self.claimed(self.steady_P(targets))

@@ -1,4 +1,4 @@
-"""Reproduce the paper: check its claims, draw its figures, and write both on one page."""
+"""Reproduce the paper: check its claims, draw its figures, and write a page with the results."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -23,7 +23,8 @@ def reproduce(folder: Path) -> tuple[list[dict[str, Any]], Path]:
     Returns
     -------
     claims : list of dict
-        The claims as in claims.json: ``id, claim, source, measured, expected, holds``.
+        Content of claims.json; each claim has the keys ``id, claim, source, measured, expected,
+        holds``.
     page : Path
         Path of the page.
 
@@ -48,7 +49,7 @@ def reproduce(folder: Path) -> tuple[list[dict[str, Any]], Path]:
 
 
 def render(e: Measures, claims: Sequence[Mapping[str, Any]]) -> str:
-    """Return the HTML page with equations, figures and claims."""
+    """Return the page with equations, figures and claims as HTML."""
     return page.render(
         "paper/templates/paper.html",
         looks={},
