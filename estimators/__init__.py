@@ -1,9 +1,10 @@
 """Estimators of physical parameters from torque and motor angle or speed.
 
-Nothing here imports the rest of the package or knows the true parameters, so that the estimators
-run on logs of a real axis as well. The input is u[k], y[k] and prior knowledge (`problem`), the
-output θ[k] and findings (`protocol`). `models` describes axes; `filters` and `glr` process samples
-one by one, `offline` whole records; `methods` has the estimators, `registry` lists them by name.
+No module of this subpackage imports the rest of the package or uses the true parameters, so the
+estimators also run on logs of a real axis. The inputs are u[k], y[k] and prior knowledge
+(`problem`); the outputs are θ[k] and detected changes (`protocol`). `models` describes axes,
+`filters` and `glr` process samples one by one, and `offline` processes whole records. `methods`
+contains the estimators, and `registry` lists them by name.
 """
 
 import sys
@@ -35,7 +36,7 @@ __all__ = [
 RECOMMENDED = "glr"
 """The registered estimator that the suite recommends for a real axis."""
 
-# numba and scipy take most of a second to import, so modules that need them are loaded on use
+# importing numba and scipy takes almost a second, so modules that need them are imported on use
 _LATER = {
     "Frozen": "methods.controls",
     "Rpem": "methods.rpem",
@@ -49,10 +50,10 @@ def __getattr__(name: str) -> object:
 
 
 class _Listing(ModuleType):
-    """The package; a call lists the registered estimators."""
+    """Type of this module, which makes the module callable: a call lists the estimators."""
 
     def __call__(self, *, find: str = "") -> list[dict[str, str]]:
-        """Return name and card of the registered estimators that contain a text."""
+        """Return name and card of the estimators; ``find`` selects those that contain a text."""
         from flexaxis.estimators.registry import REGISTRY
 
         lines = [{"name": entry.name, "card": entry.summary} for entry in REGISTRY.values()]

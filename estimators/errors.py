@@ -1,11 +1,11 @@
-"""The error for wrong use of estimators and models."""
+"""The error raised for incorrect use of estimators and models."""
 
 from collections.abc import Iterable
 from difflib import get_close_matches
 
 
 class EstimatorError(ValueError):
-    """Wrong use of an estimator or a model; the message says what is allowed and what to do."""
+    """Incorrect use of an estimator or a model; the message states what is allowed."""
 
 
 def did_you_mean(word: str, allowed: Iterable[str]) -> str:

@@ -1,4 +1,4 @@
-"""The knob of an estimator, the option that buys speed with noise, and tuned settings of it."""
+"""The knob of an estimator, the option that trades speed against noise, and its tuned settings."""
 
 import math
 import re
@@ -13,32 +13,32 @@ from flexaxis.estimators.errors import EstimatorError, did_you_mean
 from flexaxis.estimators.models.meaning import moves_as
 from flexaxis.estimators.models.model import Model
 
-FARTHEST = 1024.0  # times its usual position, to either side
-FORGETS = 0.9  # an option with a default from here to 1 is a forgetting factor
+FARTHEST = 1024.0  # largest ratio between a position and the usual position, in both directions
+FORGETS = 0.9  # an option with a default between this value and 1 is a forgetting factor
 
 TRANSFORMS: Mapping[str, Callable[[float], float]] = {
     "": lambda x: x,
     "1-": lambda x: 1 - x,
     "1/": lambda x: 1 / x if x else math.inf,
 }
-"""From the value of an option to the position of its knob, and back."""
+"""Functions that convert the value of an option to the position of the knob, and back."""
 
 
 @dataclass(frozen=True)
 class Knob:
     """
-    An option by position: the farther, the quicker and the noisier.
+    An option that is set by a position: a higher position makes estimates faster and noisier.
 
     Attributes
     ----------
     name : str
-        The option.
+        Name of the option.
     transform : {"", "1-", "1/"}
-        From its value to the position.
+        Name of the conversion from the value of the option to the position.
     usual : float
-        Position of the default.
+        Position of the option's default.
     least, most : float
-        Range of positions.
+        Lowest and highest position.
     """
 
     name: str
@@ -48,13 +48,13 @@ class Knob:
     most: float
 
     def at(self, position: float) -> dict[str, float] | None:
-        """Return the option at a position, None if that is out of range."""
+        """Return the option at a position, or None if the position is out of range."""
         if not self.least <= position <= self.most:
             return None
         return {self.name: self.value(position)}
 
     def turned(self, factor: float) -> dict[str, float] | None:
-        """Return the option at a multiple of the usual position, None if that is out of range."""
+        """Return the option at a multiple of the usual position, or None if out of range."""
         return self.at(self.usual * factor)
 
     def value(self, position: float) -> float:
@@ -62,7 +62,7 @@ class Knob:
         return TRANSFORMS[self.transform](position)
 
     position = value
-    """The position of a value: each transform is its own inverse."""
+    """Return the position of a value; the conversion is the same, as transforms are involutions."""
 
 
 def make_knob(declared: Any, defaults: Mapping[str, Any]) -> Knob:
@@ -72,16 +72,17 @@ def make_knob(declared: Any, defaults: Mapping[str, Any]) -> Knob:
     Parameters
     ----------
     declared : str
-        ``"gain"``: this option, which grows with speed; ``"1-lam"``: a forgetting factor, turned in
-        1−λ; ``"1/window"``: an option that falls with speed. A name alone with a default in
-        [0.9, 1) is a forgetting factor, too.
+        Declaration of the knob: ``"gain"`` for an option that increases with speed, ``"1-lam"`` for
+        a forgetting factor λ with the position 1−λ, and ``"1/window"`` for an option that decreases
+        with speed. A name alone is also treated as a forgetting factor if its default is in
+        [0.9, 1).
     defaults : mapping
-        The options of the estimator, with their defaults.
+        Options of the estimator, with their defaults.
 
     Raises
     ------
     EstimatorError
-        If it does not name an option with a suitable default.
+        If the declaration does not name an option with a suitable default.
 
     Examples
     --------
@@ -109,37 +110,39 @@ def make_knob(declared: Any, defaults: Mapping[str, Any]) -> Knob:
     return Knob(name, transform, usual, usual / FARTHEST, most)
 
 
-PERIODS_AGREE = 1e-6  # relative
+PERIODS_AGREE = 1e-6  # largest relative difference of equal periods
 
 
 @dataclass(frozen=True)
 class Tuning:
     """
-    A tuned setting, the command that found it, and its axis.
+    A tuned setting of a knob, with the command that determined the setting, and the axis.
 
     Attributes
     ----------
     estimator, knob : str
+        Name of the estimator, and name of the tuned option.
     value : float
-        Of the knob.
+        Tuned value of the option.
     setting : str
-        The estimator with the tuned option, as for ``--estimator``.
+        Estimator with the tuned option, in the format of ``--estimator``.
     match : str
-        The measure of noise that was matched: "excess", the excess prediction error, or the name of
-        a parameter, for its standard deviation.
+        Measure of noise that was matched: "excess" for the excess prediction error, or the name of
+        a parameter for the standard deviation of its estimate.
     ratio : float
-        Its noise over that of `rpem-forgetting` at λ = 0.995, on the nominal axis; for the excess
-        error the square root of the ratio.
+        Noise of the estimator divided by the noise of `rpem-forgetting` at λ = 0.995 on the nominal
+        axis; for the excess error, the square root of this ratio.
     command : str
-        Command that found it.
+        Command that determined the setting.
     model : str
-        The axis by name: ``"n1"``.
+        Name of the axis, such as ``"n1"``.
     identify : tuple of str
-        Identified parameters.
+        Names of the identified parameters.
     period : float
         Sampling period [s].
     noise : float
-        Standard deviation of the output [rad/s]. A setting is applied at any noise.
+        Standard deviation of the noise of y [rad/s] in the tuning. A setting is used at any noise
+        level.
     """
 
     estimator: str
@@ -156,16 +159,16 @@ class Tuning:
 
     def holds_for(self, model: Model, period: float, identify: Sequence[str]) -> bool:
         """
-        Return whether it was found for this axis, in any units.
+        Return whether the setting was determined for this axis, in any units.
 
         Parameters
         ----------
         model : Model
-            With the nominal values from which the estimator starts.
+            Model with the nominal values at which the estimator starts.
         period : float
             Sampling period [s].
         identify : sequence of str
-            Parameters to identify, in any order.
+            Names of the identified parameters, in any order.
         """
         return (
             sorted(self.identify) == sorted(identify)
@@ -176,11 +179,11 @@ class Tuning:
 
 @lru_cache
 def tunings() -> tuple[Tuning, ...]:
-    """Return all settings of ``tuned.toml``."""
+    """Return all tuned settings, read from ``tuned.toml``."""
     text = files("flexaxis.estimators").joinpath("tuned.toml").read_text(encoding="utf-8")
     return tuple(Tuning(**table) for table in tomllib.loads(text)["tuned"])
 
 
 def at_equal_noise(estimator: str) -> Tuning | None:
-    """Return the tuned setting of an estimator, None if there is none."""
+    """Return the tuned setting of an estimator, or None for an estimator that was not tuned."""
     return next((t for t in tunings() if t.estimator == estimator), None)

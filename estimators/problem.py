@@ -1,4 +1,4 @@
-"""The task of an estimator: what to estimate, and what is known beforehand."""
+"""The task of an estimator: the parameters to estimate, and the prior knowledge."""
 
 import warnings
 from collections.abc import Mapping, Sequence
@@ -22,8 +22,8 @@ from flexaxis.estimators.models.meaning import moving_poles
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.signals import find_signal
 
-SHORT = 0.1  # of the slowest time constant, below which a memory is too short: with 1 s and an axis
-# that coasts for 13.5 s estimates run away, with one of 4 s they do not
+SHORT = 0.1  # shortest memory relative to the slowest time constant: with a memory of 1 s estimates
+# diverge on an axis that coasts for 13.5 s, but not on one that coasts for 4 s
 Array = NDArray[np.float64]
 Nominal = Mapping[str, float] | Model
 
@@ -36,26 +36,27 @@ class Problem:
     Parameters
     ----------
     nominal : mapping of str to float, or Model
-        Values of the paper's axis and of its data sheet; or a model.
+        Nominal values of the paper's axis and values from its data sheet; or a model.
     period : float
         Sampling period [s].
     identify : sequence of str
-        Parameters to estimate, or their inverses.
+        Names of the parameters to estimate, or their inverses.
     output : str
         Name of the signal y in `flexaxis.estimators.signals.SIGNALS`.
     P0 : (p,) or (p, p) array_like, optional
-        P(0).
+        Initial matrix P(0) or its diagonal.
     torque : (N,) array_like, optional
-        Torque of a nominal run [N m], for the paper's recipe of P(0) and for sizes of friction.
+        Torque of a nominal run [N m], used to compute P(0) by the paper's recipe and the expected
+        size of friction.
     noise : float, optional
-        Standard deviation of y, in its unit.
+        Standard deviation of the noise of y, in the unit of y.
     bounds : (lower, upper), optional
-        Box of θ; by default that of the filter.
+        Bounds of θ; the default of the filter if omitted.
 
     Attributes
     ----------
     model : Model
-        The given model, or the linear one of the paper's axis.
+        Model passed as ``nominal``, or the linear model of the paper's axis.
 
     Raises
     ------
@@ -86,23 +87,23 @@ class Problem:
 
     @property
     def asked(self) -> dict[str, Any]:
-        """Options of every filter: ``identify, period, output, noise, bounds``."""
+        """Options that every filter accepts: ``identify, period, output, noise, bounds``."""
         names = ("identify", "period", "output", "noise", "bounds")
         return {name: getattr(self, name) for name in names}
 
     @property
     def theta(self) -> Array:
-        """θ(0) (p,)."""
+        """Initial estimate θ(0) (p,)."""
         return self.model.parametrize(self.identify).theta
 
     def tuned(self, name: str) -> float | None:
-        """Return the tuned value of an estimator's knob for this axis, None if there is none."""
+        """Return the tuned value of an estimator's knob for this axis, or None without tuning."""
         tuning = at_equal_noise(name)
         axis = self.model, self.period, self.identify
         return tuning.value if tuning and tuning.holds_for(*axis) else None
 
     def factor(self, name: str, forgetting: float | None) -> float:
-        """Return λ as given, as tuned for this axis, or of 1 s; warn if that is too short."""
+        """Return λ: specified, tuned, or for 1 s; warn if the memory is too short for the axis."""
         usual = self.tuned(name) if forgetting is None else forgetting
         weight = forgetting_factor(usual, self.period)
         rates = np.abs(moving_poles(self.model).real)
@@ -118,14 +119,17 @@ class Problem:
 
     def initial_P(self, known: Array | None, **time_update: Any) -> ArrayLike:
         """
-        Return P(0) as given, by the paper's recipe on the torque of a nominal run, or as stored.
+        Return P(0).
+
+        P(0) is the attribute ``P0`` if set. Otherwise it is computed by the paper's recipe from the
+        torque of a nominal run or, without a torque, taken from ``known``.
 
         Parameters
         ----------
-        known : (p, p) array or None
-            The stored P(0) of this axis.
+        known : (p,) array or None
+            Stored diagonal of P(0) for this axis.
         **time_update
-            ``forgetting`` or ``drift``, for the recipe.
+            Option ``forgetting`` or ``drift`` of the recipe.
         """
         from flexaxis.estimators.offline import priors
 
@@ -149,7 +153,7 @@ class Problem:
         )
 
     def forgetting_P(self, forgetting: float) -> ArrayLike:
-        """Return P(0) for a forgetting factor."""
+        """Return P(0) for a method with a forgetting factor."""
         from flexaxis.estimators.offline import priors
 
         known = priors.stored_P(self.model, self.identify, self.period, forgetting=forgetting)
@@ -165,7 +169,8 @@ class Problem:
         """
         Return the design of a Kalman filter with a random walk of θ, relative to θ(0).
 
-        ``usual`` is the walk after a second if none is given or tuned.
+        ``usual`` is the standard deviation of the walk after one second that is used if ``walk`` is
+        None and no tuned value exists.
         """
         if walk is None:
             walk = self.tuned(name) or usual

@@ -1,7 +1,7 @@
 """
-What an estimator is, and how it reports a change.
+The interface of an estimator, and the report of a detected change.
 
-The protocol is structural, so that a user's class imports nothing of ours.
+The protocol is structural, so a user's class does not have to import anything from this package.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,25 +16,26 @@ from flexaxis.estimators.signals import check_signals
 
 
 class StepError(EstimatorError):
-    """An estimator returned something other than one number for each name."""
+    """Error of an estimator that does not return one number for each name."""
 
 
 @runtime_checkable
 class Estimator(Protocol):
     """
-    Anything with names, an output and a step.
+    Any object with the attributes ``names`` and ``output`` and the method ``step``.
 
-    Optional: ``run(u, y, valid=None) -> (N, p)``, the same numbers faster; ``covariance`` (p, p);
-    ``innovations`` (N, 2), y − ŷ of each sample of the last ``run`` and its claimed variance, NaN
-    where there was no y; ``alarm`` (bool); ``findings``, a sequence of objects with ``alarm``
-    (sample) and ``parameters`` (names of what has changed); ``reset()``.
+    Optional methods and attributes: ``run(u, y, valid=None) -> (N, p)``, which returns the same
+    numbers as N steps but faster; ``covariance`` (p, p); ``innovations`` (N, 2), the innovation
+    y − ŷ and its claimed variance for each sample of the last ``run``, NaN where y was missing;
+    ``alarm`` (bool); ``findings``, a sequence of objects with ``alarm`` (sample) and ``parameters``
+    (names of the changed parameters); ``reset()``.
 
     Attributes
     ----------
     names : sequence of str
-        The meaning of θ, in this order.
+        Names of the parameters θ, in the order of the estimates.
     output : str
-        The signal that it reads, a name in `flexaxis.estimators.signals.SIGNALS`.
+        Name of the signal y in `flexaxis.estimators.signals.SIGNALS`.
     """
 
     @property
@@ -44,7 +45,7 @@ class Estimator(Protocol):
     def output(self) -> str: ...  # noqa: D102
 
     def step(self, u: float, y: float | None) -> ArrayLike:
-        """Take u[k] and y[k] (None in a gap), return θ[k] (p,); u[k] first acts on y[k+1]."""
+        """Process u[k] and y[k] (None in a gap), return θ[k] (p,); u[k] first acts on y[k+1]."""
 
 
 @dataclass(frozen=True)
@@ -55,17 +56,17 @@ class Finding:
     Attributes
     ----------
     alarm : int
-        Sample of the detection.
+        Index of the sample at which the change was detected.
     onset : int
-        Last sample with the old parameters.
+        Index of the last sample with the old parameters.
     parameters : tuple of str
-        Parameters that changed; empty for a change that no hypothesis explains.
+        Names of the changed parameters; empty if no hypothesis explains the change.
     ratio : tuple of float
-        New value over old value, for each parameter.
+        New value divided by the old value, for each parameter.
     reason : str
-        Why there are no parameters; empty where there are.
+        Reason why ``parameters`` is empty; an empty string otherwise.
     interval : tuple of (float, float)
-        95 % interval of the ratio, for each parameter; empty if none is claimed.
+        95 % confidence interval of each ratio; empty if the estimator claims none.
     """
 
     alarm: int
@@ -80,25 +81,26 @@ def run_estimator(
     estimator: Estimator, u: ArrayLike, y: ArrayLike, valid: ArrayLike | None = None
 ) -> NDArray[np.float64]:
     """
-    Run an estimator over N samples, by its own ``run`` if it has one, otherwise step by step.
+    Run an estimator over N samples, using its own ``run`` if available, otherwise step by step.
 
     Parameters
     ----------
     estimator : Estimator
-        Afterwards in the state after the last sample.
+        Estimator to run; it is left in the state after the last sample.
     u, y : (N,) array_like
+        Torque and measured output.
     valid : (N,) array_like of bool, optional
-        False where y is missing.
+        Validity of each y, False where y is missing; all valid by default.
 
     Returns
     -------
     (N, p) array
-        θ[0], θ[1], …
+        Estimates θ[0], θ[1], …
 
     Raises
     ------
     EstimatorError
-        If the signals cannot be used, or the estimator returns no numbers.
+        If the signals cannot be used, or the estimator does not return numbers.
     """
     u, y, present = check_signals(u, y, valid)
     run = getattr(estimator, "run", None)
@@ -112,7 +114,7 @@ def run_estimator(
             theta = estimator.step(float(u[k]), float(y[k]) if present[k] else None)
             estimates[k] = theta_of(theta, names, estimator)
     except BaseException as error:
-        error.at_sample = k  # type: ignore[attr-defined]  # for the message of the runner
+        error.at_sample = k  # type: ignore[attr-defined]  # used in the runner's message
         raise
     return estimates
 
@@ -121,15 +123,16 @@ def theta_of(
     returned: ArrayLike, names: Sequence[str], estimator: Estimator
 ) -> NDArray[np.float64]:
     """
-    Return the result of a step as floats, one for each name.
+    Convert the result of a step to floats, one for each name.
 
     Parameters
     ----------
     returned : (p,) array_like
-        A single number as well if p is 1.
+        Result of a step; may be a scalar if p is 1.
     names : sequence of str
+        Names of the p parameters.
     estimator : Estimator
-        The estimator that returned it, for the message.
+        Estimator that returned the result, used in the message.
 
     Returns
     -------
@@ -138,7 +141,7 @@ def theta_of(
     Raises
     ------
     StepError
-        If it is not numbers, or has another number of values.
+        If the result is not numeric, or has a wrong number of values.
     """
     theta = numbers_of(returned, estimator.step)
     if returned is not None and theta.size == len(names):
@@ -150,18 +153,19 @@ def theta_of(
 
 def numbers_of(returned: ArrayLike, call: Callable[..., object]) -> NDArray[np.float64]:
     """
-    Return the result of a call as floats, NaN where an array is masked.
+    Convert the result of a call to floats, with NaN for masked elements.
 
     Parameters
     ----------
     returned : array_like
+        Result of the call.
     call : callable
-        The function that returned it, for the message.
+        Function that returned the result, used in the message.
 
     Raises
     ------
     StepError
-        If it is not numbers.
+        If the result is not numeric.
     """
     try:
         return np.asarray(np.ma.filled(returned, np.nan), float)

@@ -1,4 +1,4 @@
-"""The estimators by name, from the `ENTRIES` of the modules of methods/."""
+"""The registered estimators by name, collected from the `ENTRIES` of the modules of methods/."""
 
 import inspect
 import pkgutil
@@ -16,7 +16,7 @@ from flexaxis.estimators.problem import Problem
 if TYPE_CHECKING:
     from flexaxis.estimators.protocol import Estimator
 
-GIVEN = ("identify", "output", "P0", "torque", "bounds", "onsets")  # filled in: no options
+GIVEN = ("identify", "output", "P0", "torque", "bounds", "onsets")  # set by the suite
 
 
 @dataclass(frozen=True)
@@ -27,22 +27,24 @@ class Entry:
     Attributes
     ----------
     name : str
+        Name of the estimator.
     summary : str
-        One line for lists and reports.
+        Description in one line, for lists and reports.
     make : callable
-        ``make(problem, *, <its own options>)``, of a `flexaxis.estimators.problem.Problem`.
+        Function ``make(problem, *, <own options>)`` that constructs the estimator from a
+        `flexaxis.estimators.problem.Problem`.
     knob : str or None
-        The tuning parameter, as for `flexaxis.estimators.knob.make_knob`.
+        Declaration of the tuning parameter, as in `flexaxis.estimators.knob.make_knob`.
     default : float or None
-        Default of the tuning parameter on an axis for which it was not tuned; a forgetting factor
-        for 5 ms, which stands for a time constant.
+        Default of the tuning parameter on an axis without tuned values. A forgetting factor is
+        specified for a period of 5 ms and represents a time constant.
     rank : float
-        Place in lists, and in the order of colours.
+        Position in lists and in the order of colours.
     laws : bool
-        Whether it can identify parameters of friction and other laws; others are asked only for
-        linear parameters.
+        Whether the estimator can identify parameters of friction and other laws. Other estimators
+        identify only parameters of the linear model.
     told_noise : bool
-        Whether it uses a known noise of y.
+        Whether the estimator uses a known noise level of y.
     """
 
     name: str
@@ -57,13 +59,13 @@ class Entry:
     @cached_property
     def factory(self) -> Callable[..., "Estimator"]:
         """
-        Function that builds it from plain values.
+        Function that constructs the estimator from plain values.
 
-        ``factory(nominal, period, *, identify, output, P0, torque, noise, bounds, <options>)``.
-        ``nominal`` maps the physical parameters of the paper's axis to values, or is another model
-        with its own values; θ(0) comes from it. ``P0`` is P(0) of the methods that have one. By
-        default it follows from the paper's recipe on ``torque``, the (N,) torque of a nominal run.
-        Other methods ignore it.
+        Its signature is ``factory(nominal, period, *, identify, output, P0, torque, noise, bounds,
+        <options>)``. ``nominal`` maps the physical parameters of the paper's axis to values, or is
+        another model with its own values; θ(0) consists of these values. ``P0`` is the initial
+        matrix P(0); methods without P(0) ignore it. By default P(0) is computed by the paper's
+        recipe from ``torque``, the (N,) torque of a nominal run.
         """
         own = [*inspect.signature(self.make).parameters.values()][1:]
         every = inspect.signature(Problem).parameters
@@ -93,18 +95,18 @@ class Entry:
 
     @property
     def turning(self) -> Knob | None:
-        """Its knob, at the tuned setting."""
+        """Knob of the estimator at the tuned setting, or None for an estimator without a knob."""
         return make_knob(self.knob, self.options) if self.knob else None
 
 
 class _Unknown(EstimatorError, KeyError):
-    """No estimator has this name: a mapping raises KeyError, a user reads the message."""
+    """Error for an unknown name: a KeyError, as mappings raise, with a message for users."""
 
-    __str__ = Exception.__str__  # a KeyError shows the repr
+    __str__ = Exception.__str__  # KeyError.__str__ would show the repr of the message
 
 
 class _Registry(Mapping[str, Entry]):
-    """Entries by name, in the order of their rank; imported on first use."""
+    """Entries by name, in the order of rank; the modules are imported on first use."""
 
     def __getitem__(self, name: str) -> Entry:
         if name not in _entries():

@@ -1,4 +1,4 @@
-"""The signals that an estimator reads, their models, and checks of samples."""
+"""The signals that an estimator can read, the models of these signals, and checks of samples."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -18,8 +18,9 @@ def increment(model: Model, period: float) -> Model:
     """
     Return the model whose output is the mean speed (φ[k]−φ[k−1])/T over the last sample.
 
-    An additional state integrates the speed from zero in every sample, so the increment of the
-    angle is modelled exactly. Treating the increment as a sampled speed would bias the estimates.
+    An additional state, which is reset to zero at the start of every sample, integrates the speed.
+    The increment of the angle is therefore modelled exactly. Treating the increment as a sampled
+    speed would bias the estimates.
 
     Parameters
     ----------
@@ -50,8 +51,8 @@ def counted_angle(model: Model) -> Model:
     Return the model whose output is the motor angle relative to its start [rad].
 
     The output is an additional state, ``angle_read``, the integral of the speed. The filter has to
-    correct its state, because an integrator does not forget errors. The rounding of an encoder is
-    nearly white on the angle; on the increments it is not.
+    correct its state, because an integrator does not forget errors. The rounding error of an
+    encoder is nearly white on the angle, but not on the increments.
 
     Parameters
     ----------
@@ -73,12 +74,16 @@ class Signal:
     Attributes
     ----------
     name : str
+        Name of the signal.
     unit : str
+        Unit of the signal.
     predicted : callable
-        ``predicted(model, period)``: the model that predicts y, from a model whose output is the
-        speed. A predictor does not correct its state, so it reads an angle as increments.
+        Function ``predicted(model, period)`` that converts a model with the speed as output to the
+        model that predicts y. A predictor does not correct its state, so for an angle this model
+        predicts increments.
     mean_speed : callable
-        ``mean_speed(period)``: weights of y[k] and y[k−1] in the mean speed between both samples.
+        Function ``mean_speed(period)`` that returns the weights of y[k] and y[k−1] in the mean
+        speed between the two samples.
     """
 
     name: str
@@ -110,11 +115,11 @@ SIGNALS = {
         ),
     )
 }
-"""The signals, keyed by the ``output`` of an estimator."""
+"""The signals by name; an estimator's ``output`` is one of these names."""
 
 
 def find_signal(output: str) -> Signal:
-    """Return a signal by name; EstimatorError if there is none."""
+    """Return the signal with a name; raise EstimatorError if the name is unknown."""
     if output not in SIGNALS:
         raise EstimatorError(f"unknown output {output!r}: {did_you_mean(str(output), SIGNALS)}")
     return SIGNALS[output]
@@ -129,10 +134,11 @@ def increments(
     Parameters
     ----------
     angles : (N,) array
+        Angles φ [rad].
     valid : (N,) bool array
-        False where an angle is missing. A missing angle makes two increments invalid.
+        Validity of each angle. A missing angle makes two increments invalid.
     before : float
-        The angle before the first one, or NaN.
+        Angle at the sample before the first one [rad], or NaN.
     period : float
         Sampling period T [s].
     """
@@ -152,12 +158,14 @@ def check_signals(
     u, y : (N,) array_like
         Torque and measured output.
     valid : (N,) array_like of bool, optional
-        False where y is missing; all present by default.
+        Validity of each y, False where y is missing; all valid by default.
 
     Returns
     -------
     u, y : (N,) arrays
+        Torque and measured output.
     valid : (N,) bool array
+        Validity of each y.
 
     Raises
     ------
@@ -184,7 +192,7 @@ def check_signals(
 
 
 def check_sample(u: float, y: float | None) -> None:
-    """Raise EstimatorError if u, or a y that is not missing (None), is not finite."""
+    """Raise EstimatorError if u is not finite, or if y is neither finite nor None."""
     for name, value in (("u", u), ("y", 0.0 if y is None else y)):
         if not isfinite(value):
             raise EstimatorError(f"{name} is {value}; it must be finite (y=None marks a gap)")

@@ -167,10 +167,10 @@ def _oracle_reset(
 
 
 ENTRIES = (
-    Entry("frozen", "never moves: what doing nothing scores", _frozen, rank=99, told_noise=False),
+    Entry("frozen", "constant: the score of doing nothing", _frozen, rank=99, told_noise=False),
     Entry(
         "oracle-reset",
-        "a control that is told when a fault happens, and begins anew there",
+        "a control that is restarted at the true times of faults",
         _oracle_reset,
         knob="1-forgetting",
         default=0.995,

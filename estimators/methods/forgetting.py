@@ -105,7 +105,7 @@ def _variable_forgetting(
 ENTRIES = (
     Entry(
         "cusum-reset",
-        "rpem-forgetting whose P is reset when a CUSUM on the residual raises an alarm",
+        "rpem-forgetting with a reset of P when a CUSUM of the residual raises an alarm",
         _cusum_reset,
         knob="1-forgetting",
         default=0.995,

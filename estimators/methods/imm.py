@@ -108,7 +108,7 @@ def _imm(
 ENTRIES = (
     Entry(
         "imm",
-        "interacting multiple models: joint Kalman filters, a quiet one and one for each jump",
+        "interacting multiple models: Kalman filters, a quiet one and one for each jump",
         _imm,
         knob="walk",
         default=WALK,

@@ -1,7 +1,8 @@
-"""What looks at a whole record: identification, frequency responses, priors, theory.
+"""Methods that process a whole record: identification, frequency responses, priors, theory.
 
-`identification` fits a model (`trajectory`, `descent`, `prediction_error`), `inverse` and
-`frequency` look without one; `structure`, `roles` and `sizes` say what an axis may have and what
-of it is known; `priors` and `adaptation` give P(0), Δ and what to expect of them. In come u, y and
-a model, out go parameters with their covariance, or numbers to start a filter from.
+`output_error` and `prediction_error` fit a model to a record, using `predictor`, `trajectory` and
+`coulomb`; `frequency` estimates a frequency response without a physical model. `structure` and
+`roles` determine which parameters an axis may have and which of them are known. `priors` computes
+P(0), Δ and the expected tracking speed and noise. The inputs are u, y and a model; the outputs are
+parameters with their covariance, or initial values for a filter.
 """

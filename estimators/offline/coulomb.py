@@ -1,9 +1,10 @@
 """
-An axis with Coulomb friction along a torque, with each reversal at the instant at which it happens.
+Simulation of an axis with Coulomb friction, with the exact instant of each friction reversal.
 
-Between reversals such an axis is linear: it slides, and friction is a constant torque, or it
-sticks, and the speed is zero. A step with a reversal is halved until the reversal lies in a part of
-2⁻⁴⁰ of a sample. So estimates do not depend on a step size, and the sum of squares is smooth.
+Between reversals such an axis is linear. While the axis slides, friction is a constant torque;
+while the axis sticks, the speed is zero. A step with a reversal is halved until the reversal is
+located within 2⁻⁴⁰ of a sample. Therefore estimates do not depend on a step size, and the sum of
+squares is a smooth function of the parameters.
 """
 
 from typing import NamedTuple
@@ -17,29 +18,31 @@ from flexaxis.estimators.models.parametrization import Parametrization
 
 Array = NDArray[np.float64]
 
-COULOMB, STIFFNESS = 0, 3  # roles of bristles
-STIFF = 1.0  # radians a sample: bristles that swing faster are Coulomb friction
-HALVINGS = 40  # of a sample, at most
+COULOMB, STIFFNESS = 0, 3  # indices of two roles of the law of bristles
+STIFF = 1.0  # radians per sample: bristles that vibrate faster are treated as Coulomb friction
+HALVINGS = 40  # largest number of halvings of a sample
 
 
 class Sampled(NamedTuple):
     """
-    An axis at fixed parameters, as `follow` takes it. The last of its states is the held torque.
+    A sampled axis at fixed parameters, the argument of `follow`.
+
+    The last state is the held torque, and the second to last state is the torque of friction.
 
     Attributes
     ----------
     slides, sticks : (parts, n+1, n+1) arrays
-        Transitions over T, T/2, T/4, … of an axis that slides, and of one that sticks.
+        Transition matrices over T, T/2, T/4, … while the axis slides, and while the axis sticks.
     output : (n+1,) array
-        The row of y.
+        Row of coefficients that maps the states to the output y.
     pull : (n+1,) array
-        The row of the acceleration, times T.
+        Row of coefficients that maps the states to the acceleration, multiplied by T.
     speed : int
-        Place of the speed among the states; the torque of friction is the last but one.
+        Index of the speed that drives friction among the states.
     level : float
-        f_c; 0 for an axis without friction.
+        Coulomb friction f_c; 0 for an axis without friction.
     cleared : (r,) int array
-        States that are zero at the start of every sample.
+        Indices of the states that are set to zero at the start of every sample.
     """
 
     slides: Array
@@ -53,10 +56,10 @@ class Sampled(NamedTuple):
 
 def is_dry(model: Parametrization, period: float) -> bool:
     """
-    Return whether the only law of an axis is Coulomb friction of one of its speeds.
+    Return whether the only law of an axis is Coulomb friction that acts on one speed.
 
-    These are bristles with no more than a level and a stiffness, which swing faster than a period
-    [s] can show: at (σ₀/J)^½ rad/s.
+    Coulomb friction is represented by bristles that have only a level and a stiffness, with a
+    natural frequency (σ₀/J)^½ [rad/s] that is too high to be visible at the sampling period [s].
     """
     if model.laws.records["kind"].tolist() != [BRISTLE]:
         return False
@@ -68,7 +71,7 @@ def is_dry(model: Parametrization, period: float) -> bool:
 
 
 def sampled(model: Parametrization, theta: Array, period: float) -> Sampled:
-    """Return an axis that is linear, or `is_dry`, at parameters θ (p,), sampled with a period."""
+    """Sample an axis with parameters θ (p,) that is linear or fulfils `is_dry`."""
     generator, level, speed = model.blocks(theta)[0] * period, 0.0, 0
     output, generator[-1] = generator[-1] / period, 0.0
     stuck = generator.copy()
@@ -84,7 +87,7 @@ def sampled(model: Parametrization, theta: Array, period: float) -> Sampled:
 def _transitions(generators: Array) -> Array:
     """Return exp(G), exp(G/2), exp(G/4), … (m, parts, n, n) for generators G (m, n, n)."""
     short = generators * 0.5**HALVINGS
-    less = [short + short @ short / 2]  # the exponential less one, to all its digits
+    less = [short + short @ short / 2]  # exp(G) − I, accurate to round-off
     for _ in range(HALVINGS):
         less.append(2 * less[-1] + less[-1] @ less[-1])
     return np.eye(short.shape[-1]) + np.stack(less[::-1], axis=1)
@@ -102,13 +105,15 @@ def _times(row, x):
 @compiled
 def follow(axis, x, torque):
     """
-    Return the output (N,) after each of N torques; the state x (n+1,) goes along.
+    Return the output (N,) after each of N torques, and update the state x.
 
     Parameters
     ----------
     axis : Sampled
     x : (n+1,) array
+        State before the first torque; overwritten with the state after the last torque.
     torque : (N,) array
+        Torques, each held over one sample.
     """
     v, last, after = axis.speed, len(axis.slides) - 1, np.zeros(len(x))
     hold = abs(axis.pull[-2] * axis.level)
@@ -133,14 +138,14 @@ def follow(axis, x, torque):
             if met:
                 x[v], way = 0.0, _way(axis, x, hold)
             while part and place % (2 << (last - part)) == 0:
-                part -= 1  # to the longest step that ends where one of its length does
+                part -= 1  # take the longest step that is aligned with the current position
         y[k] = _times(axis.output, x)
     return y
 
 
 @inlined
 def _way(axis, x, hold):
-    """Return which way an axis at rest slides, 0 if it sticks; write its friction into x."""
+    """Return the direction in which an axis at rest slides, or 0 if it sticks; update friction."""
     x[-2] = 0.0
     pull = _times(axis.pull, x)
     way = np.sign(pull) if abs(pull) > hold else 0.0
@@ -150,7 +155,7 @@ def _way(axis, x, hold):
 
 @inlined
 def _meets(axis, x, after, way, hold, part):  # noqa: PLR0917
-    """Return whether a step meets a reversal: friction gives way, or the speed reaches zero."""
+    """Return whether a step contains a reversal: a breakaway, or a speed that reaches zero."""
     end = _times(axis.pull, after)
     if way == 0.0:
         return abs(end) > hold

@@ -1,9 +1,10 @@
 """
-High-order ARX models: what the data say about the frequency response, without any physics.
+Frequency responses: high-order ARX models without physical assumptions, and grey-box models.
 
-y[k] + a₁ y[k−1] + … + a_n y[k−n] = b₁ u[k−1] + … + b_n u[k−n] + e[k] is linear in its
-coefficients, so least squares finds them at once, and it describes any linear system as n grows:
-L. Ljung, *System Identification: Theory for the User*, 2nd ed., sections 4.2 and 10.1.
+The ARX model y[k] + a₁ y[k−1] + … + a_n y[k−n] = b₁ u[k−1] + … + b_n u[k−n] + e[k] is linear in its
+coefficients, which are therefore found by linear least squares. With increasing order n an ARX
+model can describe any linear system: L. Ljung, *System Identification: Theory for the User*,
+2nd ed., sections 4.2 and 10.1.
 """
 
 from dataclasses import dataclass
@@ -24,14 +25,14 @@ Array = NDArray[np.float64]
 @dataclass(frozen=True)
 class Arx:
     """
-    A(q) y = B(q) u + e.
+    An ARX model A(q) y = B(q) u + e.
 
     Attributes
     ----------
     a : (n+1,) array
-        1, a₁, …, a_n.
+        Coefficients 1, a₁, …, a_n.
     b : (n+1,) array
-        0, b₁, …, b_n: a torque acts from the next sample on.
+        Coefficients 0, b₁, …, b_n; the first is zero because a torque acts on the next sample.
     period : float
         Sampling period T [s].
     """
@@ -41,23 +42,23 @@ class Arx:
     period: float
 
     def response(self, omega: ArrayLike) -> NDArray[np.complex128]:
-        """Return B/A at angular frequencies ω (M,) [rad/s]."""
+        """Return the frequency response B/A (M,) at angular frequencies ω (M,) [rad/s]."""
         return freqz(self.b, self.a, worN=np.asarray(omega, float) * self.period)[1]
 
 
 def fit_arx(u: ArrayLike, y: ArrayLike, *, order: int, period: float) -> Arx:
     """
-    Fit an ARX model of some order n by least squares.
+    Fit an ARX model of order n by least squares.
 
-    White noise on y is coloured noise on an ARX model, which biases a low order; an order well
-    above that of the axis has room for it.
+    White noise on y is coloured noise in an ARX model, which biases a model of low order. A model
+    with an order much higher than the order of the axis can represent the colour of the noise.
 
     Parameters
     ----------
     u, y : (N,) array_like
-        Torque and output; more than 3n samples.
+        Torque and output; N must exceed 3n.
     order : int
-        n, the number of coefficients of each polynomial.
+        Order n, the number of unknown coefficients of each polynomial.
     period : float
         Sampling period T [s].
 
@@ -101,7 +102,7 @@ def frequency_response(
     z, n = np.exp(1j * np.asarray(omega, float) * period), model.n
     resolvent = np.linalg.inv(z[:, None, None] * np.eye(n) - transition[-n:, -n:])
     state = resolvent @ gain[-n:]
-    # the states of the sensitivities, which the state drives, each by the same resolvent
+    # states of the sensitivities: driven by the state, all with the same resolvent
     driven = (state @ transition[:-n, -n:].T + gain[:-n]).reshape(len(z), -1, n)
     states = np.concatenate([driven @ resolvent.swapaxes(1, 2), state[:, None]], axis=1)
     response = np.asarray(states.reshape(len(z), -1) @ output.T, np.complex128)
@@ -112,19 +113,20 @@ def line_spectrum(u: ArrayLike, *, period: float) -> tuple[Array, Array]:
     """
     Return the frequencies ω (M,) [rad/s] and the mean squares (M,) of the DFT lines of a signal.
 
-    The mean squares add up to that of the signal. For a periodic signal take whole periods of its
-    steady state.
+    The sum of the mean squares is the mean square of the signal. For a periodic signal, pass whole
+    periods of the steady state.
 
     Parameters
     ----------
     u : (N,) array_like
+        Signal.
     period : float
         Sampling period T [s].
     """
     u = np.asarray(u, float)
     omega = np.asarray(2 * np.pi * np.fft.rfftfreq(len(u), period), np.float64)
     power = np.asarray(np.abs(np.fft.rfft(u) / len(u)) ** 2, np.float64)
-    power[1 : (len(u) + 1) // 2] *= 2  # lines of both signs; zero and Nyquist have one only
+    power[1 : (len(u) + 1) // 2] *= 2  # both signs of ω; zero and Nyquist occur once
     return omega, power
 
 
@@ -137,7 +139,7 @@ def information(
     period: float,
 ) -> Array:
     """
-    Return Q = E ψψᵀ (p, p) of a torque from its spectrum; the diagonal is eq. (28).
+    Return Q = E ψψᵀ (p, p) for the spectrum of a torque; eq. (28) is the diagonal of Q.
 
     Parameters
     ----------
@@ -145,8 +147,8 @@ def information(
     theta : (p,) array_like
         Identified parameters.
     omega, power : (M,) array_like
-        Frequencies [rad/s] and mean squares of the lines, as from `line_spectrum`: the integral
-        of (28) as a sum over lines of both signs.
+        Frequencies [rad/s] and mean squares of the lines, as returned by `line_spectrum`. The
+        integral in (28) is computed as a sum over these lines.
     period : float
         Sampling period T [s].
     """

@@ -1,9 +1,9 @@
 """
-Off-line output-error identification of any parameters, with a verdict on its own result.
+Off-line output-error identification of any parameters, with a check of the result.
 
-Fits the exactly sampled model to a whole record by nonlinear least squares with the analytic
-gradient. For white output noise this is the prediction-error method, at its Cramér–Rao bound:
-L. Ljung, *System Identification: Theory for the User*, 2nd ed., sections 7.2–7.4, 9.4 and 10.2.
+The exactly sampled model is fitted to a whole record by nonlinear least squares with the analytic
+gradient. For white output noise this is the prediction-error method, which attains the Cramér–Rao
+bound: L. Ljung, *System Identification: Theory for the User*, 2nd ed., sections 7.2–7.4, 9.4, 10.2.
 """
 
 from collections.abc import Sequence
@@ -21,31 +21,32 @@ from flexaxis.estimators.signals import check_signals
 
 Array = NDArray[np.float64]
 
-COLOURED = 0.1  # correlation of successive residuals that is more than white noise
-UNDETERMINED = 0.5  # relative standard deviation of a change that the data do not determine
+COLOURED = 0.1  # correlation of successive residuals above which the residuals are not white noise
+UNDETERMINED = 0.5  # relative standard deviation above which the data do not determine a change
 
 
 @dataclass(frozen=True)
 class Identified:
     """
-    Parameters identified from a record, and how far they can be trusted.
+    Parameters identified from a record, and measures of their reliability.
 
     Attributes
     ----------
     names : tuple of str
-        The identified parameters.
+        Names of the identified parameters.
     theta : (p,) array
-        Their estimates.
+        Estimates of the parameters.
     covariance : (p, p) array
-        Covariance of the estimates for white output noise; astronomic where the data determine
-        nothing.
+        Covariance of the estimates for white output noise; extremely large for parameters that the
+        data do not determine.
     correlation : float
-        Correlation of successive residuals; near zero if all but white noise is explained.
+        Correlation of successive residuals; near zero if the residuals are white noise.
     condition : float
-        Effect on the output of the relative change of the parameters that the data see best, over
-        that of the one they see least; a singular problem has 1e10 and more.
+        Condition number: the largest effect on the output of a relative change of the parameters,
+        divided by the smallest effect of a change of the same size; 1e10 or more for a singular
+        problem.
     warnings : tuple of str
-        What speaks against the result, in words; empty if nothing does.
+        Reasons to doubt the result, in words; empty if there are none.
     """
 
     names: tuple[str, ...]
@@ -81,30 +82,32 @@ def output_error(
     u, y : (N,) array_like
         Torque, and the output measured at the same times.
     identify : sequence of str
-        Parameters to fit, or their inverses; all others stay at the model's nominal values.
+        Names of the parameters to fit, or of their inverses; all other parameters keep the model's
+        nominal values.
     start : (p,) array_like
-        Where to start; the search goes from a tenth of it to ten times.
+        Initial values of the search, which is limited to 0.1 to 10 times these values.
     period : float
         Sampling period T [s].
     max_evaluations : int
-        Steps after which the search gives up.
+        Largest number of evaluations, after which the search stops.
 
     Raises
     ------
     EstimatorError
         If an argument cannot be used. A local minimum, or a parameter that the data do not
-        determine, is no error: see `Identified.warnings`.
+        determine, raises no error but results in `Identified.warnings`.
 
     Notes
     -----
-    The misfit has local minima. For the paper's three parameters the search finds the truth from
-    0.85 to 1.7 times it; from 0.7 or 2 times it does not, and says so.
+    The misfit has local minima. For the paper's three parameters the search finds the true values
+    if it starts at 0.85 to 1.7 times the true values. If it starts at 0.7 or 2 times, it does not
+    find the true values, and the result contains a warning.
     """
     u, y, _ = check_signals(u, y)
     chosen = model.parametrize(identify)
     scale = finite_vector("start", start, len(chosen.names))
 
-    @lru_cache(maxsize=1)  # misfit and slope come from one simulation
+    @lru_cache(maxsize=1)  # one simulation computes both the misfit and its slope
     def simulated(x: tuple[float, ...]) -> tuple[Array, Array]:
         predicted, psi = predict(chosen, np.array(x) * scale, u, period=period)
         return predicted - y, psi * scale
@@ -122,9 +125,9 @@ def output_error(
 def _result(names: tuple[str, ...], scale: Array, search: OptimizeResult) -> Identified:
     residual, theta = search.fun, search.x * scale
     variance = residual @ residual / (len(residual) - len(names))
-    # singular values: what a relative change of the parameters does to the output
+    # singular values: effects of relative changes of the parameters on the output
     _, singular, changes = np.linalg.svd(search.jac * search.x, full_matrices=False)
-    singular = np.maximum(singular, 1e-12 * singular[0])  # smaller ones are rounding
+    singular = np.maximum(singular, 1e-12 * singular[0])  # smaller values are rounding errors
     deviations = np.sqrt(variance) / singular
     correlation = float(residual[1:] @ residual[:-1] / (residual @ residual))
     problems = [

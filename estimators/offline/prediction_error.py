@@ -1,11 +1,12 @@
 """
-Fit all that a record leaves open, in noise of any colour: the prediction-error method.
+The prediction-error method: a fit of all unknowns of a record, in noise of any colour.
 
-Disturbances of a real axis are not white: they are strongest where it resonates, and plain output
-error then fits those frequencies at the cost of all others. So the residual is modelled as an
-autoregression, residual and gradient are filtered by its inverse, and the fit is repeated until it
-stays: D. W. Clarke, *Generalized least squares estimation of the parameters of a dynamic model*
-(IFAC 1967). As the residual is filtered and not the signals, the axis may have nonlinear laws.
+The disturbances of a real axis are not white. They are strongest at the resonances of the axis, and
+a plain output-error fit then favours these frequencies at the expense of all others. Therefore the
+residual is modelled as an autoregression, residual and gradient are filtered by the inverse of the
+noise model, and the fit is repeated until it converges: D. W. Clarke, *Generalized least squares
+estimation of the parameters of a dynamic model* (IFAC 1967). Because the filter is applied to the
+residual and not to the signals, the axis may have nonlinear laws.
 """
 
 from dataclasses import dataclass, replace
@@ -21,33 +22,37 @@ from flexaxis.estimators.offline.trajectory import Trajectory
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-HIGHEST_ORDER = 60  # of the model of the noise
-FASTEST = 4 * np.pi  # radians a sample: a log cannot show an axis with such a pole
-ROUNDS, EVALUATIONS = 40, 25  # where noise and parameters explain the same, a round leaves 2/3
-CONVERGED = 0.05  # standard deviations to the minimum, where a fit ends
-TURNS = 1.0  # likewise, of a last round: noise models may alternate
-ROUGH = 5.0  # likewise, where friction is at a kink and no step gains
-CAREFUL, BOLD, STIFFEST = 1e-3, 1e-8, 1e3  # damping: of the first step, least, and greatest
-FORGOTTEN = 1e-2  # share of its effect below which a state counts as forgotten
-EXACT = 1e-10  # relative step below which arithmetic comes no nearer
-ROUNDING = 1e-12  # relative to the diagonal of a curvature
-PIECES = 10  # of a record, over which estimates spread
+HIGHEST_ORDER = 60  # highest order of the noise model
+FASTEST = 4 * np.pi  # radians per sample: a log cannot represent an axis with such a fast pole
+ROUNDS, EVALUATIONS = 40, 25  # limits: one round may leave 2/3 of an error
+CONVERGED = 0.05  # distance to the minimum at which a fit ends, in standard deviations
+TURNS = 1.0  # the same for the last round, because noise models may alternate
+ROUGH = 5.0  # the same if no step reduces the misfit because friction is at a kink
+CAREFUL, BOLD, STIFFEST = 1e-3, 1e-8, 1e3  # damping of the first step, and its limits
+FORGOTTEN = 1e-2  # fraction of the effect of an initial state below which it counts as forgotten
+EXACT = 1e-10  # relative step size below which rounding prevents further progress
+ROUNDING = 1e-12  # regularisation of a curvature, relative to its diagonal
+PIECES = 10  # number of pieces of a record in the jackknife
 
 
 @dataclass(frozen=True)
 class Fitted:
     """
-    A place on the way of a fit, or its end.
+    An intermediate or final result of a fit.
 
     Attributes
     ----------
     problem : Problem
+        Trajectory and record that are fitted.
     z : (q,) array
+        Values of the unknowns.
     residual, slopes : (N,), (q, N) arrays
-        y − ŷ and the derivatives of ŷ, as simulated.
+        Simulated residual y − ŷ, and derivatives of ŷ with respect to z.
     inverse : (n+1,) array
-        1, a₁, …, a_n of the autoregression of the noise: the filter that makes residuals white.
+        Coefficients 1, a₁, …, a_n of the autoregression of the noise. As a filter, they whiten the
+        residual.
     converged : bool
+        Whether the fit has converged.
     """
 
     problem: "Problem"
@@ -59,17 +64,17 @@ class Fitted:
 
     @cached_property
     def good(self) -> Flags:
-        """Samples (N,) that count."""
+        """Whether each sample (N,) is used in the fit."""
         return settled(self.problem.ok, len(self.inverse))
 
     @cached_property
     def white(self) -> Array:
-        """The white residual (N,)."""
+        """Whitened residual (N,)."""
         return lfilter(self.inverse, 1.0, self.residual)
 
     @cached_property
     def gradient(self) -> Array:
-        """Derivatives (q, N) filtered likewise; 0 by a state that is forgotten or sticks."""
+        """Whitened derivatives (q, N); 0 for initial states without a lasting effect."""
         J = lfilter(self.inverse, 1.0, self.slopes, axis=1) * self.good
         size, seen = (np.linalg.norm(rows, axis=1) for rows in (self.slopes, J))
         states = slice(self.problem.trajectory.first, -2)
@@ -78,19 +83,19 @@ class Fitted:
 
     @cached_property
     def square(self) -> float:
-        """Mean square of the white residual: σ² of a prediction over one sample."""
+        """Mean square of the whitened residual: the variance σ² of one-step prediction errors."""
         finite = np.isfinite(self.residual).all() and np.isfinite(self.slopes).all()
         return float(np.mean(self.white[self.good] ** 2)) if finite else np.inf
 
     @cached_property
     def curvature(self) -> tuple[Array, Array]:
-        """Half the curvature (q, q) of the mean square, and its descent (q,)."""
+        """Half the curvature (q, q) of the mean square, and half its negative gradient (q,)."""
         J, N = self.gradient, self.good.sum()
         return J @ J.T / N, J @ self.white / N
 
     @cached_property
     def covariance(self) -> Array:
-        """σ² (J Jᵀ)⁻¹, zero for what is held; huge for what the record does not determine."""
+        """Covariance σ² (J Jᵀ)⁻¹; zero for held unknowns, very large for undetermined ones."""
         return inverse_of(self.curvature[0]) * self.square / self.good.sum()
 
     @property
@@ -99,7 +104,7 @@ class Fitted:
         return np.sqrt(np.diag(self.covariance))
 
     def step(self, damping: float = 0.0) -> Array:
-        """Return the damped step (q,); what would leave the box stays at its side."""
+        """Return the damped step (q,); unknowns that would leave the box stay at its boundary."""
         (H, g), lower, upper = self.curvature, self.problem.lower, self.problem.upper
         free, step = ~self.problem.held, np.zeros(len(self.z))
         for _ in range(len(self.z)):
@@ -116,7 +121,7 @@ class Fitted:
         """
         Distance to the minimum in standard deviations, (N gᵀH⁻¹g/σ²)^½.
 
-        It is how far a step of Gauss and Newton moves all unknowns together, whatever their units.
+        This distance is the length of a Gauss–Newton step of all unknowns, independent of units.
         """
         step, p = self.step(), self.problem.trajectory.p
         if step[:p].any() and (abs(step[:p]) <= EXACT * abs(self.z[:p])).all():
@@ -125,26 +130,27 @@ class Fitted:
         return float(np.sqrt(max(gain, 0.0) * self.good.sum() / self.square))
 
     def gained(self, before: "Fitted") -> float:
-        """Return the fall of −2 log L since a place, as the standard deviations it is worth."""
+        """Return the square root of the decrease of −2 log L relative to an earlier result."""
         return float(np.sqrt(max(before.square / self.square - 1, 0.0) * self.good.sum()))
 
 
 @dataclass(frozen=True)
 class Problem:
     """
-    A trajectory to be fitted to a record.
+    A trajectory that is to be fitted to a record.
 
     Attributes
     ----------
     trajectory : Trajectory
+        Simulated output as a function of the unknowns z.
     y : (N,) array
         Measured output.
     ok : (N,) array of bool
-        Samples to be fitted.
+        Whether each sample is to be fitted.
     lower, upper : (q,) arrays
-        The box.
+        Bounds of z.
     held : (q,) array of bool
-        Unknowns that are known after all, such as a delay.
+        Whether each element of z is held constant, such as a known delay.
     """
 
     trajectory: Trajectory
@@ -155,15 +161,15 @@ class Problem:
     held: Flags
 
     def noise(self, residual: Array) -> Array:
-        """Return the filter that makes a residual white."""
+        """Return the coefficients (n+1,) of the filter that whitens a residual."""
         highest = HIGHEST_ORDER
-        # half of the samples must see no gap
+        # the memory of the filter must not contain a gap for at least half of the samples
         while highest and np.mean(settled(self.ok, highest + 1)[self.ok]) < 0.5:
             highest //= 2
         return noise_model(residual, highest, self.ok)
 
     def at(self, z: Array, inverse: Array) -> Fitted:
-        """Return a place; its square is infinite where the axis cannot be simulated."""
+        """Simulate at z; the result has an infinite mean square if simulation is impossible."""
         z = np.clip(z, self.lower, self.upper)
         if self.trajectory.fastest(z[: self.trajectory.p]) > FASTEST:
             N = len(self.y)
@@ -176,10 +182,10 @@ class Problem:
         self, at: Fitted, most: int = EVALUATIONS, near: float = CONVERGED, damping: float = CAREFUL
     ) -> tuple[Fitted, bool]:
         """
-        Return where Levenberg and Marquardt's method comes to from a place, and if it converged.
+        Minimise by the Levenberg–Marquardt method; return the result and whether it has converged.
 
-        It has where the minimum is as near as that, in standard deviations, or a step gains no
-        more than such a step would.
+        The search has converged if the distance to the minimum is at most ``near`` standard
+        deviations, or if a step reduces the misfit no more than a step of this size would.
         """
         for _ in range(most):
             if not np.isfinite(at.square):
@@ -201,24 +207,24 @@ class Problem:
         self, z: Array, *, rounds: int = 0, most: int = EVALUATIONS, near: float = CONVERGED
     ) -> Fitted:
         """
-        Fit parameters in white noise, then noise and parameters in turn, until both stay.
+        Fit the unknowns in white noise, then the noise and the unknowns in turn until convergence.
 
         Parameters
         ----------
         z : (q,) array
-            Where to start.
+            Initial values of the unknowns.
         rounds : int
-            Of the noise, at most; 0 is plain output error.
+            Largest number of fits of the noise model; 0 for a plain output-error fit.
         most : int
-            Evaluations in each round, at most.
+            Largest number of evaluations in each round.
         near : float
-            Standard deviations to the minimum, where it ends.
+            Distance to the minimum at which the fit ends, in standard deviations.
         """
         at, ended = self.descend(self.at(z, np.ones(1)), most, near)
         for left in reversed(range(rounds if np.isfinite(at.square) else 0)):
             before = replace(at, inverse=self.noise(at.residual))
             at, ended = self.descend(before, most, near / 2, BOLD)
-            # a last round may end where noise models alternate
+            # in the last round a larger change is accepted, because noise models may alternate
             ended = ended and at.gained(before) <= (near if left else TURNS)
             if ended:
                 break
@@ -226,17 +232,17 @@ class Problem:
 
 
 def settled(ok: Flags, length: int) -> Flags:
-    """Return where a filter of some length has seen usable samples only."""
+    """Return for each sample (N,) whether a filter's memory contains only usable samples."""
     return np.convolve(~ok, np.ones(length))[: len(ok)] < 0.5
 
 
 def noise_model(residual: Array, highest: int, ok: Flags | None = None) -> Array:
     """
-    Return the coefficients (n+1,) of an autoregression, 1, a₁, …, a_n, of the best order.
+    Return the coefficients 1, a₁, …, a_n (n+1,) of an autoregression of the best order.
 
-    The order is the one of the least Bayesian information criterion, N log σ² + n log N. Samples
-    on either side of a gap are no neighbours: what is not ``ok`` adds nothing to the correlations,
-    which stay those of a sequence.
+    The best order minimises the Bayesian information criterion, N log σ² + n log N. Samples that
+    are not ``ok`` are replaced by zero and contribute nothing to the correlations, so samples on
+    either side of a gap are not treated as neighbours.
     """
     used = np.ones(len(residual), bool) if ok is None else ok
     N = int(used.sum())
@@ -250,7 +256,7 @@ def noise_model(residual: Array, highest: int, ok: Flags | None = None) -> Array
 
 
 def inverse_of(H: Array, damping: float = 0.0) -> Array:
-    """Return (H + damping·diag H)⁻¹, free of units: 0 where H is, huge for what is not seen."""
+    """Return (H + damping·diag H)⁻¹, with rows and columns of zeros where diag H is zero."""
     seen, inverse = np.diag(H) > 0, np.zeros_like(H)
     size = np.sqrt(np.outer(np.diag(H)[seen], np.diag(H)[seen]))
     scaled = H[np.ix_(seen, seen)] / size + (damping + ROUNDING) * np.eye(len(size))
@@ -259,18 +265,19 @@ def inverse_of(H: Array, damping: float = 0.0) -> Array:
 
 
 def pieces(ok: Flags) -> NDArray[np.int64]:
-    """Return the number of the piece (N,) that each sample is in; all have as many usable ones."""
+    """Return the piece number (N,) of each sample; all pieces have equally many usable samples."""
     count = np.cumsum(ok)
     return np.minimum(count * PIECES // max(int(count[-1]), 1), PIECES - 1)
 
 
 def jackknife(J: Array, e: Array, good: Flags) -> Array:
     """
-    Return the deviation (q,), from pieces, of the regression of e (N,) on rows of J (q, N).
+    Return jackknife standard deviations (q,) of a regression of e (N,) on the rows of J (q, N).
 
-    B. Efron and C. Stein, *The jackknife estimate of variance*, Ann. Statist. 9, 1981: each of the
-    estimates without a piece of the record is one step of Gauss and Newton from that with all.
-    For white noise it is what a covariance says; what the model leaves out comes on top.
+    Each piece of the record is omitted once; the estimate without the piece is computed by one
+    Gauss–Newton step from the estimate with all pieces. For white noise the result agrees with the
+    covariance; errors of the model increase it. B. Efron and C. Stein, *The jackknife estimate of
+    variance*, Ann. Statist. 9, 1981.
     """
     number = np.where(good, pieces(good), PIECES)
     parts = [J[:, number == i] for i in range(PIECES)]

@@ -1,4 +1,4 @@
-"""The output-error predictor and its gradient at fixed parameters, for a whole record at once."""
+"""The output-error predictor and its gradient for a whole record, at fixed parameters."""
 
 import reprlib
 
@@ -15,12 +15,12 @@ Array = NDArray[np.float64]
 
 def as_torque(values: ArrayLike) -> Array:
     """
-    Return the torque of a run (N,) [N m] as floats, one behind the other in memory.
+    Convert the torque of a run (N,) [N m] to a contiguous array of floats.
 
     Raises
     ------
     EstimatorError
-        If it is none.
+        If the values are not a one-dimensional, nonempty array of real numbers.
     """
     try:
         torque = np.ascontiguousarray(values, float)
@@ -36,10 +36,10 @@ def predict(
     model: Parametrization, theta: ArrayLike, u: ArrayLike, *, period: float
 ) -> tuple[Array, Array]:
     """
-    Return ŷ (N,) and its gradient ψ (N, p) for a torque u (N,), from rest; eq. (15)–(23).
+    Return ŷ (N,) and its gradient ψ (N, p) for a torque u (N,), starting at rest; eq. (15)–(23).
 
-    Exact for a torque that is held over each sample, but for nonlinear laws, which
-    `flexaxis.estimators.models.reaction` solves.
+    The result is exact for a linear model and a torque that is held over each sample. Nonlinear
+    laws are solved numerically by `flexaxis.estimators.models.reaction`.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def predict(
     Raises
     ------
     EstimatorError
-        If u is no torque.
+        If u is not a torque.
     """
     rows = along(simulation(model, theta, period), as_torque(u)[:-1])
     rows = np.vstack([np.zeros(rows.shape[1]), rows])
@@ -64,9 +64,9 @@ def predict(
 @compiled
 def respond(transition, gain, output, u):
     """
-    Return output @ X (N, m) of X[k+1] = Φ X[k] + Γ u[k], from rest.
+    Return output @ X (N, m) for X[k+1] = Φ X[k] + Γ u[k], starting at rest.
 
-    Element by element where no product of matrices is: slices take the compiler seconds.
+    The additions are written element by element, because slices take seconds to compile.
     """
     X = np.zeros(len(transition))
     outputs = np.empty((len(u), len(output)))

@@ -1,12 +1,12 @@
 """
-P(0) and Δ to start from, and how fast and how noisy an estimate with them is.
+Initial values P(0) and Δ, and the resulting tracking speed and noise of the estimates.
 
-The paper's recipe, and its result for the nominal axis. Around the true parameters the error of
-the estimate follows θ̃ ← (I − P Q) θ̃ + P ψ e on average, with Q = E ψψᵀ and white noise e of
-variance σ². In steady state P is that of eq. (29) or (30), so everything follows from Q:
-L. Ljung and S. Gunnarsson, *Adaptation and tracking in system identification – a survey*,
-Automatica 26 (1990) 7–21. It holds for slow adaptation: time constants well above the memory of
-the plant.
+P(0) and Δ are computed by the paper's recipe; the results for the nominal axis are stored. Near the
+true parameters the error of the estimate follows θ̃ ← (I − P Q) θ̃ + P ψ e on average, with
+Q = E ψψᵀ and white noise e of variance σ². In steady state P fulfils eq. (29) or (30), so P, the
+tracking speed and the noise depend on Q only: L. Ljung and S. Gunnarsson, *Adaptation and tracking
+in system identification – a survey*, Automatica 26 (1990) 7–21. The theory applies to slow
+adaptation, with time constants much longer than the memory of the plant.
 """
 
 import pickle
@@ -28,15 +28,15 @@ from flexaxis.estimators.signals import find_signal
 
 Array = NDArray[np.float64]
 
-# the recipe's result on the nominal axis and reference, for the paper's three parameters
-P_FORGETTING = {"k_T": 2.97e-4, "1/J_a": 5.19e-5, "f_m": 4.69e-6}  # times (1−λ)/0.005
+# results of the recipe for the paper's three parameters, on the nominal axis and reference
+P_FORGETTING = {"k_T": 2.97e-4, "1/J_a": 5.19e-5, "f_m": 4.69e-6}  # multiplied by (1−λ)/0.005
 P_DRIFT = {"k_T": 5.6e-5, "1/J_a": 7.7e-5, "f_m": 7.1e-5}  # for Δ of eq. (32)
 DRIFT = {"k_T": 5e-8, "1/J_a": 50e-8, "f_m": 500e-8}  # eq. (32)
 RELATIVE_DRIFT = 3.2e-6  # geometric mean of Δ_ii/θ_i² in (32)
-# s, time constants T/√(Δ_ii Q_ii) of (32), with Q of the nominal reference, and their mean
+# s, time constants T/√(Δ_ii Q_ii) for Δ of (32) and Q of the nominal run; geometric mean
 FOLLOWS = {"k_T": 4.5, "1/J_a": 0.68, "f_m": 0.056}
 FOLLOWS_MEAN = 0.56
-AXIS, PERIOD = "n1", 0.005  # where these hold: axis, T [s]
+AXIS, PERIOD = "n1", 0.005  # axis and T [s] for which these values are valid
 
 
 def nominal_P(
@@ -51,22 +51,23 @@ def nominal_P(
     output: str = "speed",
 ) -> Array:
     """
-    Return the diagonal of P(0) by the recipe of the paper's section 5.2.
+    Return the diagonal of P(0), computed by the recipe of the paper's section 5.2.
 
-    P is updated with ψ computed at the nominal parameters; the mean of its diagonal over the
-    second half of the record, after the transient, is P(0).
+    P is updated with ψ computed at the nominal parameters. P(0) is the mean of the diagonal of P
+    over the second half of the record, after the transient.
 
     Parameters
     ----------
     model : Model
     u : (N,) array_like
-        Torque of a nominal run, some tens of seconds of it.
+        Torque of a nominal run of some tens of seconds.
     identify, period, forgetting, drift, regularization, output
-        As for `flexaxis.estimators.Rpem`.
+        Options of `flexaxis.estimators.Rpem`.
 
     Returns
     -------
     (p,) array
+        Diagonal of P(0), for a noise variance of one.
 
     Raises
     ------
@@ -85,7 +86,7 @@ def nominal_P(
         bounds=None,
         output=output,
     )
-    # in relative parameters, as the design is
+    # the design, and therefore P, is expressed in relative parameters
     psi = _gradient_along(design.model, design.theta0, u, design.period)
     P = np.diag(_steady(psi, design))
     mean = _mean_diagonal(psi, P, design.forgetting, design.drift, design.regularization)
@@ -93,7 +94,7 @@ def nominal_P(
 
 
 def _gradient_along(model: Parametrization, theta: Array, u: ArrayLike, period: float) -> Array:
-    """Return ψ (N, p) along a torque u (N,), made once for the same axis and torque."""
+    """Return ψ (N, p) for a torque u (N,); results for recent axes and torques are cached."""
     return _remembered(pickle.dumps((model, theta, as_torque(u), period)))
 
 
@@ -102,13 +103,13 @@ def _energy(psi: Array) -> Array:
 
 
 def _steady(psi: Array, design: Design) -> Array:
-    """Return about what P will be (p,), eq. (29) or (30) for one parameter each, to begin from."""
+    """Return an approximate diagonal (p,) of the steady P: eq. (29) or (30) for each parameter."""
     Q = _energy(psi)
     forgotten = max(1 - design.forgetting, 1 / len(psi))
     return np.where(np.diag(design.drift) > 0, np.sqrt(np.diag(design.drift) / Q), forgotten / Q)
 
 
-# A benchmark makes each of many estimators anew for every record, all with the same gradient.
+# A benchmark constructs many estimators for every record, and all of them use the same gradient.
 @lru_cache(maxsize=32)
 def _remembered(content: bytes) -> Array:
     model, theta, u, period = pickle.loads(content)
@@ -117,7 +118,7 @@ def _remembered(content: bytes) -> Array:
 
 @compiled
 def _mean_diagonal(psi, P, forgetting, drift, regularization):
-    """Update P along ψ (N, p), eq. (7), (9), (10), (12); return its mean diagonal, second half."""
+    """Update P along ψ (N, p), eq. (7), (9), (10), (12); average its diagonal over the 2nd half."""
     N, p = psi.shape
     gain, total = np.empty(p), np.zeros(p)
     for k in range(N):
@@ -131,7 +132,7 @@ def _mean_diagonal(psi, P, forgetting, drift, regularization):
         for i in range(p):
             for j in range(p):
                 P[i, j] = P[i, j] / forgetting + drift[i, j]
-        for axis in range(p):  # (12) measures every parameter once, with weight μ
+        for axis in range(p):  # (12) is equivalent to measuring every parameter once, with weight μ
             for i in range(p):
                 gain[i] = P[i, axis]
             weight = regularization[axis]
@@ -150,23 +151,26 @@ def default_drift(
     output: str = "speed",
 ) -> Array:
     """
-    Return the diagonal of Δ.
+    Return the default diagonal of Δ.
 
-    With a torque, Δ_ii = (T/τ_i)²/Q_ii, Q_ii the mean of ψ_i² along it: estimate i follows with
-    the time constant τ_i, whatever the units. τ_i are those that eq. (32) has on the nominal axis,
-    where a model moves as that axis does; else their geometric mean. Without, it is eq. (32) on
-    the nominal axis, and the same relative to θ on any other.
+    With a torque, Δ_ii = (T/τ_i)²/Q_ii, where Q_ii is the mean of ψ_i² for this torque. Estimate i
+    then follows changes with the time constant τ_i, independent of units. If the poles of the model
+    are similar to those of the nominal axis, τ_i are the time constants that eq. (32) leads to on
+    the nominal axis; otherwise all τ_i are the geometric mean of these time constants. Without a
+    torque, Δ is that of eq. (32) on the nominal axis; on another axis, Δ_ii is scaled with θ_i² and
+    T².
 
     Parameters
     ----------
     model : Model
     identify : sequence of str
+        Names of the identified parameters, or of their inverses.
     period : float
-        Sampling period T [s]: Δ is what a sample adds.
+        Sampling period T [s]; Δ is the covariance that P gains per sample.
     torque : (N,) array_like, optional
-        Torque of a nominal run.
+        Torque of a nominal run [N m].
     output : {"speed", "increment"}
-        What y is.
+        Kind of signal y.
     """
     theta = model.parametrize(identify).theta
     alike = moves_as(model, AXIS)
@@ -176,9 +180,9 @@ def default_drift(
         seconds = [FOLLOWS.get(n, FOLLOWS_MEAN) if alike else FOLLOWS_MEAN for n in identify]
         return (period / np.array(seconds)) ** 2 / Q
     paper = np.array([DRIFT.get(name, np.nan) for name in identify])
-    unit = theta**2 * (period / PERIOD) ** 2  # with which a time constant stays the same
+    unit = theta**2 * (period / PERIOD) ** 2  # keeps time constants the same
     if period == PERIOD and is_axis(model, AXIS, identify):
-        known = paper  # as it stands there, wherever the estimates start
+        known = paper  # the values of eq. (32), even if the estimates start elsewhere
     elif alike:
         known = paper / named_values(AXIS, identify) ** 2 * unit
     else:
@@ -195,20 +199,22 @@ def stored_P(
     scale: float = 1.0,
 ) -> Array | None:
     """
-    Return `known_P` where it holds: on the nominal axis, in its units and at its period.
+    Return the result of `known_P` if the axis, its units and the period are the nominal ones.
 
     Parameters
     ----------
     model : Model
     identify : sequence of str
+        Names of the identified parameters, or of their inverses.
     period : float
         Sampling period [s].
     forgetting, scale
-        As for `known_P`.
+        Parameters of `known_P`.
 
     Returns
     -------
     (p,) array or None
+        Diagonal of P(0), or None for another axis, period or other parameters.
     """
     if period != PERIOD or not is_axis(model, AXIS, identify):
         return None
@@ -217,27 +223,29 @@ def stored_P(
 
 def known_P(names: Sequence[str], *, forgetting: float | None, scale: float = 1.0) -> Array | None:
     """
-    Return P(0) of the nominal axis for the paper's three parameters, None for any others.
+    Return P(0) of the nominal axis for the paper's three parameters, or None for other parameters.
 
-    In the units and at the period of that axis: `stored_P` asks whether these are given.
+    The values apply to the units and the period of the nominal axis, which `stored_P` checks.
 
     Parameters
     ----------
     names : sequence of str
+        Names of the identified parameters, or of their inverses.
     forgetting : float or None
-        λ, with which P goes as 1−λ; None for covariance modification.
+        Forgetting factor λ, where P is proportional to 1−λ; None for covariance modification.
     scale : float
-        Factor on Δ of eq. (32), with which P goes as its root.
+        Factor by which Δ of eq. (32) is multiplied; P is proportional to its square root.
 
     Returns
     -------
     (p,) array or None
+        Diagonal of P(0).
     """
     if set(names) != set(DRIFT):
         return None
     if forgetting is None:
         return np.array([P_DRIFT[name] for name in names]) * np.sqrt(scale)
-    # λ = 1 has no steady state; start it as λ = 0.9999
+    # for λ = 1 there is no steady state; use the value for λ = 0.9999
     return np.array([P_FORGETTING[name] for name in names]) * max(1 - forgetting, 1e-4) / 0.005
 
 
@@ -245,16 +253,17 @@ def steady_P(
     Q: ArrayLike, *, forgetting: float | None = None, drift: ArrayLike | None = None
 ) -> Array:
     """
-    Return the steady state of P (p, p): (1−λ) Q⁻¹, eq. (29), or the P of P Q P = Δ, eq. (30).
+    Return the steady state of P (p, p): (1−λ) Q⁻¹, eq. (29), or the solution of P Q P = Δ, (30).
 
     Parameters
     ----------
     Q : (p, p) array_like
-        E ψψᵀ, eq. (31), as from `flexaxis.estimators.offline.frequency.information`.
+        Matrix E ψψᵀ, eq. (31), such as the result of
+        `flexaxis.estimators.offline.frequency.information`.
     forgetting : float, optional
-        λ, close to one.
+        Forgetting factor λ, close to one.
     drift : (p,) or (p, p) array_like, optional
-        Δ.
+        Covariance Δ or its diagonal.
 
     Raises
     ------
@@ -267,7 +276,7 @@ def steady_P(
         raise EstimatorError("give either forgetting (λ) or drift (Δ)")
     if forgetting is not None:
         return (1 - forgetting) * inverse
-    # (P Q)² = Δ Q, and the square root with positive eigenvalues is the one wanted
+    # (P Q)² = Δ Q, so P Q is the square root of Δ Q with positive eigenvalues
     from scipy.linalg import sqrtm  # takes a tenth of a second to import
 
     return sqrtm(_matrix(drift) @ Q).real @ inverse
@@ -277,22 +286,23 @@ def drift_for(
     time_constants: ArrayLike, Q: ArrayLike, *, period: float, coupled: bool = False
 ) -> Array:
     """
-    Return the Δ (p, p) that lets every estimate follow with the time constant wanted.
+    Return the Δ (p, p) with which every estimate follows changes with a desired time constant.
 
-    By default Δ is diagonal, Δ_ii = 1/(τ_i² Q_ii) with τ_i in samples: exact for parameters whose
-    gradients are uncorrelated, since P_ii Q_ii = 1/τ_i then. Correlated ones slow each other down;
-    ``coupled`` counts that in with Δ = D Q⁻¹ D, D = diag(1/τ_i), exact for equal time constants.
+    By default Δ is diagonal, Δ_ii = 1/(τ_i² Q_ii) with τ_i in samples. This choice is exact if the
+    gradients of the parameters are uncorrelated, because P_ii Q_ii = 1/τ_i in this case. Correlated
+    parameters slow each other down. The option ``coupled`` takes this effect into account with
+    Δ = D Q⁻¹ D, D = diag(1/τ_i), which is exact for equal time constants.
 
     Parameters
     ----------
     time_constants : (p,) array_like
-        Wanted time constants τ_i [s], well above the memory of the plant.
+        Desired time constants τ_i [s], much longer than the memory of the plant.
     Q : (p, p) array_like
-        E ψψᵀ at the nominal parameters.
+        Matrix E ψψᵀ at the nominal parameters.
     period : float
         Sampling period T [s].
     coupled : bool
-        Whether Δ gets the off-diagonal elements.
+        Whether to compute off-diagonal elements of Δ from Q.
 
     Raises
     ------
@@ -310,12 +320,12 @@ def drift_for(
 
 def tracking_error(P: ArrayLike, Q: ArrayLike, times: ArrayLike, *, period: float) -> Array:
     """
-    Return what is left of an initial error after some times, E θ̃(t) = exp(−P Q t/T) θ̃(0).
+    Return the remaining part of an initial error at given times, E θ̃(t) = exp(−P Q t/T) θ̃(0).
 
     Parameters
     ----------
     P, Q : (p, p) array_like
-        Steady P, and E ψψᵀ.
+        Steady-state P, and the matrix E ψψᵀ.
     times : (M,) array_like
         Times after the change [s].
     period : float
@@ -324,7 +334,8 @@ def tracking_error(P: ArrayLike, Q: ArrayLike, times: ArrayLike, *, period: floa
     Returns
     -------
     (M, p, p) array
-        Element (m, i, j): error of parameter i at time m for a unit error of parameter j.
+        Errors; element (m, i, j) is the error of parameter i at time m caused by an initial error
+        of one in parameter j.
     """
     rate = np.asarray(P, float) @ np.asarray(Q, float) / period
     from scipy.linalg import expm
@@ -336,14 +347,14 @@ def estimate_covariance(P: ArrayLike, noise_variance: float) -> Array:
     """
     Return the covariance σ² P/2 (p, p) of the estimates of a constant θ in steady state.
 
-    It solves P Q Σ + Σ Q P = σ² P Q P for any P that eq. (29) or (30) can give.
+    This covariance Σ solves P Q Σ + Σ Q P = σ² P Q P for any P that fulfils eq. (29) or (30).
 
     Parameters
     ----------
     P : (p, p) array_like
-        Steady P, in the paper's units of noise variance one.
+        Steady-state P, for a noise variance of one as in the paper.
     noise_variance : float
-        σ² of the output noise.
+        Variance σ² of the output noise.
     """
     return noise_variance * np.asarray(P, float) / 2
 

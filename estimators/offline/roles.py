@@ -1,4 +1,4 @@
-"""What of a model is tracked, learnt once, told, or left out, from names that a user gives."""
+"""Selection of the parameters that are tracked, learnt once, known, or left out of a model."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -18,15 +18,16 @@ ABSENT = (
     ("f_c", "f_s"),
     ("f_s",),
 )
-"""What of the laws is zero on many an axis, in the groups in which it is."""
-SEEN = 0.25  # standard deviation after the first seconds over that before, below which it is learnt
+"""Groups of laws' parameters that are zero, all together, on many axes."""
+SEEN = 0.25  # largest ratio of the standard deviations after and before the first seconds for which
+# a parameter is learnt
 
 AS_TOLD = "the first seconds hardly move what it acts on, so it stays as it was told"
 AS_ABSENT = "the first seconds hardly move what it acts on, so it is taken as absent"
 
 
 def names_of(option: str, names: object, allowed: Sequence[str]) -> tuple[str, ...]:
-    """Return names that an option gives, refused where there is no such parameter."""
+    """Return the names in an option; raise EstimatorError if a name is not allowed."""
     if isinstance(names, str) or not isinstance(names, Sequence | np.ndarray):
         raise EstimatorError(
             f"{option} is {names!r}; give names among {', '.join(allowed)}"
@@ -42,13 +43,13 @@ def names_of(option: str, names: object, allowed: Sequence[str]) -> tuple[str, .
 
 
 def is_left(model: Model, name: str, identify: Sequence[str]) -> bool:
-    """Whether a model has a parameter that is not identified already, itself or inverted."""
+    """Return whether a model contains a parameter and neither it nor its inverse is identified."""
     physical = name.removeprefix("1/")
     return physical in model.parameters and physical not in {n.removeprefix("1/") for n in identify}
 
 
 def learnt_of(model: Model, tracked: Sequence[str], learn: Sequence[str] | str) -> tuple[str, ...]:
-    """Return what is learnt once; of "auto" all but what is zero, which gives it no size."""
+    """Return the parameters to learn once; "auto" omits linear parameters with the value zero."""
     names = structure_names(model, tracked)
     if learn == "auto":
         return tuple(n for n in names if n in model.law_parameters or model.nominal[n])
@@ -58,7 +59,7 @@ def learnt_of(model: Model, tracked: Sequence[str], learn: Sequence[str] | str) 
 
 
 def without(model: Model, absent: Sequence[str]) -> Model:
-    """Return a model of the suite without what is neither told nor learnt."""
+    """Return the model with all ``absent`` parameters set to zero, if it is the `real_axis`."""
     left_out = dict.fromkeys((n for n in absent if model.name == "real_axis"), 0.0)
     return replace(model, nominal=dict(model.nominal) | left_out)
 
@@ -66,14 +67,14 @@ def without(model: Model, absent: Sequence[str]) -> Model:
 def told_groups(
     model: Model, names: Sequence[str], learnt: Sequence[str], stated: Sequence[str]
 ) -> list[dict[str, float]]:
-    """Return to what groups of parameters are drawn: as stated, and zero where nothing is."""
+    """Return the values to which groups of parameters are drawn: nominal if stated, or zero."""
     linear = tuple(n for n in structure(model) if n in learnt)
     groups = [group for group in (linear, *ABSENT) if group and set(group) <= set(names)]
     return [{n: model.nominal[n] if n in stated else 0.0 for n in group} for group in groups]
 
 
 def refuse_zero(thought: Prior) -> None:
-    """Refuse what has neither a size nor a sign, by which an estimate could move."""
+    """Raise EstimatorError if a parameter has a scale of zero."""
     for name, scale in zip(thought.names, thought.scale, strict=True):
         if not scale:
             raise EstimatorError(
@@ -83,7 +84,7 @@ def refuse_zero(thought: Prior) -> None:
 
 
 def known_better(model: Model, thought: Prior, deviations: Mapping[str, float]) -> Prior:
-    """Return what is thought with standard deviations as given."""
+    """Return a prior with some standard deviations replaced by those given in ``deviations``."""
     if not isinstance(deviations, Mapping):
         raise EstimatorError(
             f"deviations is {deviations!r}; give standard deviations by the names of parameters"
@@ -106,13 +107,13 @@ def known_better(model: Model, thought: Prior, deviations: Mapping[str, float]) 
 
 def seen(after: ArrayLike, before: ArrayLike) -> NDArray[np.bool_]:
     """
-    Return which parameters are much better known than before: the excitation sees them.
+    Return, for each parameter, whether the excitation has made its estimate much more accurate.
 
-    The others would only take up what is wrong with the model.
+    Estimates of the other parameters would only compensate for errors of the model.
 
     Parameters
     ----------
     after, before : (p,) array_like
-        Variances, in the same unit.
+        Variances after and before the excitation, in the same unit.
     """
     return np.asarray(np.sqrt(np.divide(after, before)) < SEEN)

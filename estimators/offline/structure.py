@@ -1,10 +1,11 @@
 """
-What an axis may have beyond its linear model, before any of it is known: start, deviation, box.
+Prior distributions of parameters that are not known beforehand: start, deviation, and bounds.
 
-Nobody knows the dry friction of an axis, its play or its cogging beforehand, but all of them are of
-about the size of what moves: torques of laws are fractions of the rms torque, speeds at which
-friction changes are fractions of the rms speed, a gap is one of the rms twist. These sizes are
-taken from the torque of a run and the linear model, so that they hold for any axis and any units.
+The dry friction, the backlash and the cogging of an axis are usually unknown, but their magnitudes
+are related to the motion of the axis. The torques of the laws are fractions of the rms torque, the
+speeds at which friction changes are fractions of the rms speed, and the gap of a spring is a
+fraction of the rms twist. These sizes are computed from the torque of a run with the linear model,
+so the priors apply to any axis and any units.
 """
 
 from collections.abc import Mapping, Sequence
@@ -25,29 +26,29 @@ from flexaxis.estimators.offline.predictor import as_torque, respond
 Array = NDArray[np.float64]
 
 TRACKED = ("k_T", "1/J_a", "f_m", "f_c")
-"""What changes while an axis is in use: the paper's three, and dry friction."""
+"""Parameters that change while an axis is in use: the paper's three, and dry friction."""
 
-TOLD = 0.2  # relative deviation of a parameter that a data sheet or an old log tells
-DAMPING = 0.3  # of one that damps, which hardly anybody measures
-FIRM = 0.1  # of the other parameters of the structure: masses and springs are computed
-SETTLED = 5000  # times of the fastest mode, after which the others have shown how large they are
-BOX = (0.1, 10.0)  # times the start, of all these
+TOLD = 0.2  # relative standard deviation of a parameter known from a data sheet or an old log
+DAMPING = 0.3  # relative standard deviation of a damping parameter, which is rarely measured
+FIRM = 0.1  # relative standard deviation of masses and springs, which are computed in the design
+SETTLED = 5000  # length of an impulse response, as a multiple of 1/|pole| of the fastest mode
+BOX = (0.1, 10.0)  # bounds of all these parameters, as multiples of the start
 
 
 @dataclass(frozen=True)
 class Sizes:
     """
-    How far what drives a law moves, rms.
+    The rms sizes that are used as units for the parameters of a law.
 
     Attributes
     ----------
     drive : float
-        Of what drives it: a speed, a twist, an angle or a torque.
+        Rms value of the quantity that drives the law: a speed, a twist, an angle or a torque.
     force : float
-        Torque of the law that would move its state as the rms input does.
+        Torque of the law that would accelerate the axis as much as the rms input does.
     rate : float
-        Of the derivative of the drive, over the drive, or of the fastest mode of the model if that
-        is faster [1/s].
+        Rms of the derivative of the drive divided by the rms of the drive, or the rate of the
+        fastest mode of the model if that is higher [1/s].
     """
 
     drive: float
@@ -58,7 +59,7 @@ class Sizes:
 NOMINAL: Mapping[str, Sizes] = {
     name: Sizes(*kind.nominal) for name, kind in LAWS.items() if kind.nominal
 }
-"""By kind of law, of the nominal axis on its reference."""
+"""Sizes for each kind of law, for the nominal axis on its reference trajectory."""
 
 
 NOMINAL_STATES = {
@@ -68,7 +69,7 @@ NOMINAL_STATES = {
     "speed_gear": 0.09,
     "speed_arm": 0.22,
 }
-"""By state, likewise."""
+"""Rms value of each state, for the nominal axis on its reference trajectory."""
 
 
 def measured(model: Model, torque: ArrayLike | None, period: float) -> list[tuple[Law, Sizes]]:
@@ -79,14 +80,15 @@ def measured(model: Model, torque: ArrayLike | None, period: float) -> list[tupl
     ----------
     model : Model
     torque : (N,) array_like or None
-        Of a run in which the axis moves [N m]; None stands for the reference of the nominal axis.
+        Torque of a run in which the axis moves [N m]; None to use the stored sizes of the nominal
+        axis.
     period : float
         Sampling period [s].
 
     Raises
     ------
     EstimatorError
-        If the torque cannot be used, or there is none and this is not the nominal axis.
+        If the torque cannot be used, or the torque is None and the axis is not the nominal one.
     """
     if torque is None:
         return [(law, _stored(model, law)) for law in model.laws]
@@ -94,7 +96,7 @@ def measured(model: Model, torque: ArrayLike | None, period: float) -> list[tupl
     if not np.all(np.isfinite(u)) or not u.any():
         raise EstimatorError("torque must be that of a run in which the axis moves, not all 0")
     A, B, _ = _matrices(model)
-    fastest = float(max(abs(np.linalg.eigvals(A))))  # a slow reference says nothing of contacts
+    fastest = float(max(abs(np.linalg.eigvals(A))))  # 1/s, even if the reference is slow
     result = []
     for law in model.laws:
         drive = np.array([law.drive.get(state, 0.0) for state in model.states])
@@ -110,7 +112,7 @@ def measured(model: Model, torque: ArrayLike | None, period: float) -> list[tupl
 
 
 def _matrices(model: Model) -> tuple[Array, Array, Array]:
-    """Return A (n, n), B (n,) and C (n,) of a model without its laws, its output as a speed."""
+    """Return A (n, n), B (n,) and C (n,) of a model without its laws; C is scaled to Σ|C_i| = 1."""
     linear = replace(model, laws=())
     one = linear.parametrize(linear.parameters[:1])
     A, B, C = one.matrices(one.theta)
@@ -118,37 +120,38 @@ def _matrices(model: Model) -> tuple[Array, Array, Array]:
 
 
 def _impulse(model: Model) -> tuple[Array, float]:
-    """Return an impulse (N,) and its period [s]: it moves all modes, and lets all but creep end."""
+    """Return an impulse (N,) and T [s]; all modes are excited, and nearly all decay within N T."""
     A, _, _ = _matrices(model)
     return np.eye(1, SETTLED)[0], 1.0 / float(max(abs(np.linalg.eigvals(A))))
 
 
 def _respond(model: Model, B: Array, rows: Array, u: Array, period: float) -> Array:
-    """Return rows @ x (m, N) of the linear model, driven by u (N,) through B (n,), from rest."""
+    """Return rows @ x (m, N) for the states x of the linear model, driven from rest by B u (N,)."""
     transition, gain = discretize(_matrices(model)[0], B[:, None], period)
     return respond(transition.copy(), gain[:, 0].copy(), rows, u).T
 
 
 def state_sizes(model: Model, torque: ArrayLike | None, period: float) -> Array:
     """
-    Return how far the states (n,) of a model move, rms, as `measured`; zero for angles.
+    Return the standard deviations (n,) of the states of a model for a torque; zero for angles.
 
-    An angle counts from where it starts.
+    The value for an angle is zero, because angles are measured relative to the start. As in
+    `measured`, the stored values of the nominal axis are returned if the torque is None.
     """
     if torque is None:
         return np.array([NOMINAL_STATES.get(state, 0.0) for state in model.states])
     A, B, _ = _matrices(model)
     moved = np.std(_respond(model, B, np.eye(len(A)), as_torque(torque), period), axis=1)
-    integrates = ~np.any(A, axis=0)  # on which nothing depends
+    integrates = ~np.any(A, axis=0)  # angles: no derivative depends on these states
     return np.where(integrates, 0.0, moved)
 
 
 def _force(model: Model, law: Law, B: Array) -> float:
     """
-    Return the torque of a law that moves its state as an input of one does.
+    Return the torque of a law that has the same effect as an input of one.
 
-    Where the input does not act on any of its states, such as friction of a load: that moves the
-    output so.
+    Effects are compared for a state on which both the law and the input act. If there is no such
+    state, as for friction of a load, the effects on the output are compared.
     """
     acts = _acts(model, law)
     for i in (list(model.states).index(state) for state in law.acts):
@@ -161,7 +164,7 @@ def _force(model: Model, law: Law, B: Array) -> float:
 
 
 def _acts(model: Model, law: Law) -> Array:
-    """Return by what (n,) the torque of a law enters the derivatives of the states."""
+    """Return the factors (n,) of a law's torque in the derivatives of the states."""
     acts = np.zeros(len(model.states))
     for state, formula in law.acts.items():
         acts[list(model.states).index(state)] = sum(
@@ -172,7 +175,7 @@ def _acts(model: Model, law: Law) -> Array:
 
 
 def _stored(model: Model, law: Law) -> Sizes:
-    """Return the sizes of the nominal axis on its reference, if the model is that."""
+    """Return the stored sizes of the nominal axis; raise EstimatorError for another axis."""
     linear = three_mass(model.nominal) if set(N1) <= set(model.nominal) else None
     if linear is None or tuple(model.states[: len(linear.states)]) != tuple(linear.states):
         known = False
@@ -189,17 +192,19 @@ def _stored(model: Model, law: Law) -> Sizes:
 @dataclass(frozen=True)
 class Prior:
     """
-    What is thought of parameters θ before the first sample.
+    The prior distribution of parameters θ before the first sample.
 
     Attributes
     ----------
     names : tuple of str
+        Names of the parameters, or of their inverses.
     start, deviation : (p,) arrays
-        θ(0) and its standard deviation.
+        Initial values θ(0) and their standard deviations.
     lower, upper : (p,) arrays
-        The box.
+        Bounds of θ.
     scale : (p,) array
-        By which θ is made relative: θ(0), or the deviation where that is zero or may become it.
+        Divisors that make θ relative: for a parameter of a law, which may be zero, the standard
+        deviation of an unknown value; for all other parameters θ(0).
     """
 
     names: tuple[str, ...]
@@ -211,12 +216,12 @@ class Prior:
 
     @property
     def P0(self) -> Array:
-        """Variances (p,)."""
+        """Prior variances (p,)."""
         return self.deviation**2
 
     @property
     def bounds(self) -> tuple[Array, Array]:
-        """The box, as filters take it."""
+        """Lower and upper bounds (p,), in the format of a filter's option ``bounds``."""
         return self.lower, self.upper
 
 
@@ -228,24 +233,25 @@ def with_laws(
     geared: bool = False,
 ) -> Model:
     """
-    Return the axis with all that a real one has, each parameter that is not told at its start.
+    Return the axis with the nonlinear laws of a real one; unknown parameters have prior values.
 
     Parameters
     ----------
     nominal : mapping of str to float, or Model
-        Nominal values as for `flexaxis.estimators.models.axes.real_axis`, those of laws only where
-        they are known; or a model with laws of its own, which is returned.
+        Nominal values as in `flexaxis.estimators.models.axes.real_axis`, where values of the laws'
+        parameters are optional; or a model with its own laws, which is returned unchanged.
     torque : (N,) array_like, optional
-        Torque of a run [N m], for the sizes; without it those of the nominal axis.
+        Torque of a run [N m], from which the sizes are computed; by default the sizes of the
+        nominal axis are used.
     period : float
         Sampling period [s].
     geared : bool
-        Whether its friction grows with the load of the gear, though nobody told.
+        Whether friction grows with the load of the gear even if ``nominal`` does not contain mu_m.
 
     Raises
     ------
     EstimatorError
-        If there is no torque, and the axis is not the nominal one of the benchmark.
+        If the torque is None and the axis is not the nominal axis of the benchmark.
     """
     if isinstance(nominal, Model):
         return nominal
@@ -266,26 +272,26 @@ def with_laws(
 
 
 def told_of(nominal: Mapping[str, float] | Model) -> tuple[str, ...]:
-    """Return the parameters whose values somebody gave: a model of one's own has all of them."""
+    """Return the parameters with values specified by the user, all of them if a Model is passed."""
     return nominal.parameters if isinstance(nominal, Model) else tuple(nominal)
 
 
 def structure_names(model: Model, tracked: Sequence[str] = TRACKED) -> tuple[str, ...]:
     """
-    Return what there is to learn once about a model: of its linear part, and of its laws.
+    Return the parameters of a model's linear part and laws that are to be learnt once.
 
     Parameters
     ----------
     model : Model
-        As from `with_laws`.
+        Model as returned by `with_laws`.
     tracked : sequence of str
-        What is tracked instead.
+        Names of the parameters, or their inverses, that are tracked instead.
     """
     taken = {name.removeprefix("1/") for name in tracked}
     laws = [
         name for law in model.laws for role, name in law.own.items() if not law.roles[role].told
     ]
-    # what is zero is not there, and has no size of its own
+    # a linear parameter of zero is absent, and its value provides no scale
     linear = [p for p in structure(model) if model.nominal[p]]
     names = dict.fromkeys([*linear, *laws])
     return tuple(name for name in names if name not in taken)
@@ -301,21 +307,21 @@ def prior(
     spread: float = TOLD,
 ) -> Prior:
     """
-    Return what is thought of parameters before they are seen.
+    Return the prior distribution of parameters.
 
     Parameters
     ----------
     model : Model
-        As from `with_laws`.
+        Model as returned by `with_laws`.
     names : sequence of str
-        Parameters or their inverses; the paper's three have the deviation ``spread``.
+        Names of parameters, or of their inverses.
     torque, period
-        As for `with_laws`.
+        Options as in `with_laws`.
     told : sequence of str
-        Parameters of laws that are known; they have the deviation `TOLD` or that of their size,
-        whichever is smaller.
+        Names of laws' parameters with known values. Their standard deviation is `TOLD` times the
+        value, unless the prior for an unknown value has a smaller one.
     spread : float
-        Deviation of the tracked parameters of the linear model, relative to θ(0).
+        Standard deviation of the tracked parameters of the linear model, relative to θ(0).
     """
     guesses: dict[str, Array] = {}
     if any(name in model.law_parameters for name in names):
@@ -348,7 +354,7 @@ def _of_law(guess: Array, start: float, told: bool) -> tuple[float, ...]:
 
 
 def _guess(role: str, law: Law, sizes: Sizes) -> Array:
-    """Return what is thought of a parameter of a law, in its unit: start, deviation, and box."""
+    """Return the prior of a law's parameter in SI units: start, deviation, lower, upper bound."""
     known = law.roles[role]
     if not known.size:  # a data-sheet value, such as a number of poles
         raise EstimatorError(

@@ -1,4 +1,4 @@
-"""A model along a record, with derivatives by parameters, initial states, offset and delay."""
+"""The output of a model for a record, with derivatives by all unknown quantities."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -17,29 +17,31 @@ from flexaxis.estimators.offline.coulomb import Sampled, follow, is_dry, sampled
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-STEPS = 2  # for each step in which filters solve laws
-STEP = 1e-6  # of an unknown, by which derivatives are taken
-LEAST = 1e-3  # rad/s or rad, of an initial state for that step
+STEPS = 2  # number of steps for each step in which filters solve laws
+STEP = 1e-6  # relative change of an unknown in numerical derivatives
+LEAST = 1e-3  # rad/s or rad, smallest magnitude to which STEP is applied, for initial states
 
 
 def delayed(u: ArrayLike, samples: float, *, smooth: bool = False) -> Array:
     """
-    Return the mean torque (N,) that acts over each sample, when it acts late.
+    Return the mean torque (N,) that acts over each sample if the torque is delayed.
 
-    A held torque u that is late by n + δ samples is u[k−n−1] for the first δ of sample k and
-    u[k−n] for the rest: on average (1−δ) u[k−n] + δ u[k−n−1], which gives an inertia exactly the
-    same speed at the end of the sample. Where u is a sequence of means of a smooth signal, such
-    as a measured current, it is shifted along a cubic spline instead.
+    A held torque u with a delay of n + δ samples equals u[k−n−1] during the first fraction δ of
+    sample k and u[k−n] during the rest. Its mean is (1−δ) u[k−n] + δ u[k−n−1]; this mean torque
+    accelerates an inertia to exactly the same speed at the end of the sample. If u is a sequence of
+    means of a smooth signal, such as a measured current, u is interpolated by a cubic spline
+    instead.
 
     Parameters
     ----------
     u : (N,) array_like
-        Torque; before the first sample it is zero if held, and the first value if smooth.
+        Torque. Before the first sample, the torque is zero if held, and equal to the first value if
+        smooth.
     samples : float
-        Delay in samples, any fraction of one; negative for a torque that acts early, of which the
-        last value stays.
+        Delay in samples, not necessarily an integer. For a negative delay the torque acts early,
+        and the last value is repeated at the end.
     smooth : bool
-        Whether u comes from a smooth signal.
+        Whether u consists of samples of a smooth signal.
 
     Examples
     --------
@@ -59,27 +61,29 @@ def delayed(u: ArrayLike, samples: float, *, smooth: bool = False) -> Array:
 @dataclass(frozen=True)
 class Trajectory:
     """
-    The output of a model for a torque, as a function of everything that a record leaves open.
+    The output of a model for a torque, as a function of all unknown quantities.
 
-    The unknowns are z = [θ, gains, states, offset of the torque, delay of the torque]: the states
-    at the beginning of each stretch, one after the other.
+    The vector of unknowns is z = [θ, gains, states, offset of the torque, delay of the torque]. The
+    states are the initial states of all stretches of the record, one after the other.
 
     Attributes
     ----------
     model : Parametrization
-        With or without laws.
+        Model, with or without laws.
     u : (N,) array
         Torque as logged.
     period : float
         Sampling period [s].
     smooth : bool
-        Whether the torque goes on changing between samples, see `delayed`.
+        Whether the torque changes smoothly between samples, see `delayed`.
     begins : tuple of int
-        Samples at which stretches begin, each with its own state, since neither the torque in a
-        gap nor the state after it is known. The output is 0 up to the first; at another one it
-        still belongs to the stretch before.
+        Samples at which stretches begin. Each stretch has its own initial state, because neither
+        the torque in a gap nor the state after the gap is known. The output is 0 up to the start of
+        the first stretch. At the start of any other stretch, the output still belongs to the
+        previous stretch.
     beside : (m, N) array
-        Torques that act in proportion to a gain each, such as the sine of a measured angle.
+        Additional torques, each multiplied by an unknown gain, such as the sine of a measured
+        angle.
     """
 
     model: Parametrization
@@ -96,32 +100,32 @@ class Trajectory:
 
     @property
     def first(self) -> int:
-        """Place in z of the first state, behind parameters and gains."""
+        """Index in z of the first state, after the parameters and gains."""
         return self.p + len(self.beside)
 
     @property
     def free(self) -> list[int]:
-        """The states that are unknown where a stretch begins; all others are 0."""
+        """Indices of the states that are unknown at the start of a stretch; all others are 0."""
         return [i for i in range(self.model.states) if i not in self.model.reset]
 
     @property
     def q(self) -> int:
-        """Number of unknowns."""
+        """Number of unknowns in z."""
         return self.first + len(self.free) * len(self.begins) + 2
 
     @property
     def states(self) -> list[slice]:
-        """Places in z of the state that each stretch begins with."""
+        """Positions in z of the initial states of each stretch."""
         width = len(self.free)
         return [slice(k, k + width) for k in range(self.first, self.q - 2, width)]
 
     @cached_property
     def in_steps(self) -> bool:
-        """Whether there are laws that are solved in steps."""
+        """Whether the model contains laws that are solved in steps."""
         return self.model.forces > 0 and not is_dry(self.model, self.period)
 
     def fastest(self, theta: Array) -> float:
-        """Return the greatest |pole| of the linear part, in radians a sample; inf if not finite."""
+        """Return the largest |pole| of the linear part in radians per sample; inf if not finite."""
         A = self.model.blocks(theta)[0][:-1, :-1]
         if not np.isfinite(A).all():
             return np.inf
@@ -129,19 +133,20 @@ class Trajectory:
 
     def along(self, z: Array, held: Flags | None = None) -> tuple[Array, Array]:
         """
-        Return the output ŷ (N,) and its derivatives (q, N) at z; both 0 up to where it begins.
+        Return the output ŷ (N,) and its derivatives (q, N) at z; both are 0 up to the first start.
 
         Parameters
         ----------
         z : (q,) array
+            Values of the unknowns.
         held : (q,) array of bool, optional
-            Unknowns that do not move: their derivatives are 0.
+            Whether each unknown is held constant, so that its derivative is 0; none by default.
         """
         free = np.ones(self.q, bool) if held is None else ~held
         (y, slopes), size, offset = self._simulated(z), self._steps(z), self.q - 2
         known, width = self.p if self.in_steps else 0, len(self.free)
         moves = [[i] for i in (*range(known, self.first), offset, offset + 1)]
-        if not known:  # the states of all stretches move together, as each acts on its own
+        if not known:  # perturb the states of all stretches together: each affects its own stretch
             moves += [[*range(self.first + i, offset, width)] for i in range(width)]
         for places in moves:
             rows = [i for i in places if free[i]]
@@ -160,7 +165,7 @@ class Trajectory:
         return y, slopes
 
     def _steps(self, z: Array) -> Array:
-        """Return by how much unknowns (q,) are moved for derivatives."""
+        """Return the changes (q,) of the unknowns in numerical derivatives."""
         size = np.full(self.q, LEAST)
         size[: self.p] = abs(self.model.theta)
         size[self.p : self.first] = size[-2] = np.std(self.u)
@@ -170,7 +175,7 @@ class Trajectory:
 
     @cached_property
     def _late(self) -> Callable[[float], Array]:
-        """The torque by its delay in samples; most unknowns move without it."""
+        """Cached function that returns the torque for a delay in samples."""
         return lru_cache(2)(lambda samples: delayed(self.u, samples, smooth=self.smooth))
 
     @cached_property
@@ -181,7 +186,7 @@ class Trajectory:
         return list(pairwise([*self.begins, len(self.u) - 1]))
 
     def _simulated(self, z: Array) -> tuple[Array, Array]:
-        """Return ŷ (N,) and, where laws are solved in steps, derivatives (q, N) by θ and states."""
+        """Return ŷ (N,) and, if laws are solved in steps, derivatives (q, N) by θ and states."""
         p, theta, free = self.p, z[: self.p], self.free
         torque = self._late(z[-1] / self.period) + z[-2]
         torque += z[p : self.first] @ self.beside if len(self.beside) else 0.0
