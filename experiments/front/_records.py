@@ -1,6 +1,6 @@
 """Simulate scenarios and load records: `simulate`, `load`, `cache` and `make_axis`.
 
-`make_axis` returns an axis that your own code moves step by step, for example a controller.
+`make_axis` returns an axis that your own code, such as a controller, moves step by step.
 """
 
 from collections.abc import Mapping
@@ -189,8 +189,7 @@ def cache(*, clear: bool = False) -> dict[str, Any]:
     -------
     dict
         ``folder``, the path of the cache, and ``megabytes``, the size of the cache [MB]. The
-        environment variables FLEXAXIS_CACHE and FLEXAXIS_CACHE_LIMIT set the folder and the size
-        limit [MB].
+        environment variable FLEXAXIS_CACHE sets the folder. The size limit is 2048 MB.
 
     Examples
     --------
