@@ -42,6 +42,7 @@ def test_the_told_one_is_told_in_time():
     assert told.names == MOVES.parameter_names
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["control_ja_moves-v1", "control_wg_kt_moves-v1"])
 def test_who_is_told_recovers_most_of_any_fault(name):
     scenario = find_scenario(name).override(SHORT)

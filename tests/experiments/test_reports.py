@@ -203,6 +203,7 @@ def test_the_terminal_says_who_leads():
     assert "2 seeds are too few" in shown and "★ 0.050" not in shown
 
 
+@pytest.mark.slow
 def test_a_study_answers_first_and_has_a_map_of_two_axes(stored, tmp_path):
     size, friction = "fault[0].factor", "friction.coulomb"
     rows = [

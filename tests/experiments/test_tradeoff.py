@@ -94,6 +94,7 @@ def test_out_of_reach_is_said_on_one_side():
     assert still.how == "quieter" and still.ratio < 1e-5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", [8, 16])
 def test_the_interval_counts_how_well_the_match_itself_is_known(n):
     """Lag and noise of a run hang together; the match between two settings trades them."""
@@ -135,6 +136,7 @@ class Timid:
         return [self.theta]
 
 
+@pytest.mark.slow
 def test_a_sweep_that_does_not_reach_is_widened(short):
     own = f"{__file__}:Timid"
     found = sweep([short], [own], [0, 1, 2], runner_here().rows)
