@@ -63,12 +63,12 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
         f"{NAMES} (default: the suite gate). Instead, you can give the folders of two finished "
         "runs.", {"nargs": "*"},
     ),
-    "scenario SCENARIO": "Name of a scenario, or path to its TOML file.",
-    "name SCENARIO|SUITE|ESTIMATOR": "Name of a scenario, suite or estimator, or path to a TOML "
+    "scenario SCENARIO": "Name of a scenario, or path of its TOML file.",
+    "name SCENARIO|SUITE|ESTIMATOR": "Name of a scenario, suite or estimator, or path of a TOML "
     "file.",
     "kind KIND": (
-        "What to list: scenarios, suites, estimators, or faults with the scenarios for each "
-        "(default: the groups of scenarios, and the suites).",
+        "Entries to list: scenarios, suites, estimators, or faults with the scenarios for each "
+        "fault (default: the groups of scenarios, and the suites).",
         {"nargs": "?", "choices": ("scenarios", "suites", "estimators", "faults")},
     ),
     "file STUDY.toml": ("TOML file that defines the study; docs/studies.md lists all keys.", PATH),
@@ -77,7 +77,7 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "path FILE.py|c|m": ("File to write: Python (.py), C (.c) or GNU Octave (.m).", PATH),
     "estimator ESTIMATOR": f"{ESTIMATOR}.",
     "estimators ESTIMATOR": (
-        "Estimators to tune (default: all registered ones with a tuning parameter).",
+        "Estimators to tune (default: all registered estimators with a tuning parameter).",
         {"nargs": "*"},
     ),
     "log LOG|REC.nc": ("Log (CSV, MAT, HDF5 or NetCDF), or record.", PATH),
@@ -95,14 +95,14 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "demo: --estimator E": (f"{ESTIMATOR}. Give the option twice; both estimators run on the same "
                             "data (default: the estimators of the lesson, else rpem-forgetting and "
                             "glr).", SEVERAL),
-    "--base E": "Estimator to compare with, such as old.py:Mine.",
-    "--candidate E": "Estimator to judge, such as new.py:Mine.",
+    "--base E": "Estimator with which the candidate is compared, such as old.py:Mine.",
+    "--candidate E": "Estimator that is tested against the base, such as new.py:Mine.",
     "--seeds N|A:B": "Seeds: N seeds from 1000 on, or seeds A to B-1. Tune on 0 to 99, report on "
     "1000 to 4999 (default: the number of the suite, 8 for single scenarios).",
     "compare: --seeds N|A:B": "Seeds: N seeds from 1000 on, or seeds A to B-1 (default: the number "
     "of the suite, 32 for single scenarios, all common seeds of two finished runs).",
     "tune: --seeds N|A:B": "Seeds: N seeds from 1000 on, or seeds A to B-1 (default: 0:16).",
-    "--sample N": ("Run only N cases, spread evenly over all cases (default: run all).", ZERO),
+    "--sample N": ("Run only N cases, evenly spaced among all cases (default: run all).", ZERO),
     "--seed N": ("Random seed: the same seed gives the same run (default: 0).", ZERO),
     "demo: --seed N": ("Random seed of excitation and noise (default: the lesson's seed, or 0).",
                        WHOLE),
@@ -113,13 +113,13 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "processes on this machine).",
     "--shard I/N": ("Run only shard I of N; `flexaxis run --from` merges finished shards (default: "
                     "1/1).", {"type": part, "default": (1, 1)}),
-    "--from DIR": ("Folders of finished shards to merge into the folder of -o, instead of running "
-                   "anything (default: none).", {"dest": "shards", "nargs": "+", **PATH}),
+    "--from DIR": ("Folders of finished shards. The command merges them into the folder of -o, and "
+                   "runs no cases (default: none).", {"dest": "shards", "nargs": "+", **PATH}),
     "--overwrite": "Delete the old contents of the folder first (default: keep them, and run only "
     "missing cases).",
     "--time-limit S": ("Time limit for one run of your own code [s] (default: 600).", NUMBER),
-    "--dry-run": "Print the variants, the estimated time and the disk space, and run nothing "
-    "(default: run).",
+    "--dry-run": "Print the variants, the estimated time and the disk space, without running any "
+    "case (default: run).",
     # what to list
     "--group GROUP": ("List only one group of scenarios, such as steps (default: all groups).",
                       {"default": ""}),
@@ -127,16 +127,16 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
                     {"default": ""}),
     "--all": "Print all lines (default: at most 60).",
     # how to judge
-    "--max-seeds N": ("Add seeds up to N while the verdict is undecided (default: add none).",
+    "--max-seeds N": ("Add seeds, up to N, while the verdict is undecided (default: add none).",
                       ZERO),
     "--margin SCORE=%[,…]": (
-        "Relative change of a score that does not matter; scores are lag, std, t10, std_after, "
+        "Largest relative change of a score that is negligible; scores: lag, std, t10, std_after, "
         "cross_talk and excess (default: lag=2%%,std=2%%).", {"default": ""},
     ),
     "--match-std": "Tune both estimators to the same noise first, and compare only the lag "
     "(default: compare them as they are).",
     "--strict": "Exit with status 3 whenever the verdict is undecided (default: only in the cases "
-    "above).",
+    "listed above).",
     "--sweep SCENARIO": ("Run several settings of each estimator on this scenario, instead of "
                          "tuning; repeat the option for several scenarios (default: tune).",
                          SEVERAL),
@@ -154,13 +154,14 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
                                           "log).", VALUES),
     "track: --start F": ("Initial estimate as a multiple of the identified value; tests "
                          "convergence (default: 1).", {"type": float, "default": 1.0}),
-    "--delay S": ("Known delay of the torque [s] (default: identified).", NUMBER),
+    "--delay S": ("Known delay of the torque [s] (default: the delay is identified).", NUMBER),
     "--friction LAW": (
         "Dry friction of the motor: none, coulomb or stribeck (default: auto, which chooses the "
-        "one that simulates held-out pieces of the log best).", {"default": "auto"},
+        "law that simulates held-out pieces of the log best).", {"default": "auto"},
     ),
-    "--gravity LAW": ("Gravity torque: none, or sine for one in the sine and cosine of the angle "
-                      "(default: auto, which adds it if the log shows it).", {"default": "auto"}),
+    "--gravity LAW": ("Gravity torque: none, or sine for a sum of sine and cosine of the angle "
+                      "(default: auto, which chooses sine if the log contains such a torque).",
+                      {"default": "auto"}),
     "--validate OTHER": ("Another log, which the identified model simulates and predicts (default: "
                          "none).", PATH),
     "--identify PARAMETER": (
@@ -176,7 +177,7 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "--port N": ("Port of the page (default: 8080, or the next free port).", WHOLE),
     "--no-browser": "Print only the address of the page (default: open a browser).",
     # outputs
-    "-o PATH": "File or folder to write (default: a name beside the input).",
+    "-o PATH": "File or folder to write (default: a name in the folder of the input).",
     "run: -o DIR": "Folder for rows, summary and report (default: results/NAME).",
     "study: -o DIR": "Folder for rows and report (default: results/NAME).",
     "compare: -o DIR": "Folder for rows, verdict and report (default: results/compare).",

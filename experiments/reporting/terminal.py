@@ -21,7 +21,7 @@ LEGEND = (
     "★ the fastest, or not significantly slower; below each lag: × bound, 95 % interval",
     "lag: mean |error| after the fault / size of the fault × 5 s; 5 s = never reacts",
     "× bound: lag / Cramér–Rao bound of an estimator that knows when, but not what, changed",
-    f"≤: at most this, because no setting is as noisy as {REFERENCE}; ≥: at least this",
+    f"≤: at most this value, because no setting is as noisy as {REFERENCE}; ≥: at least this value",
 )
 
 

@@ -1,7 +1,7 @@
 /* Functions for a flexaxis estimator in C: flexaxis_open, flexaxis_value and flexaxis_serve.
  *
- * They implement version 1 of the `pipe:` protocol, in which all numbers are little-endian.
- * They need only C99 and the C library.
+ * The functions implement version 1 of the `pipe:` protocol, in which all numbers are
+ * little-endian. The functions need only C99 and the C library.
  */
 #ifndef FLEXAXIS_H
 #define FLEXAXIS_H
@@ -17,8 +17,8 @@
 #endif
 
 #define FLEXAXIS_VERSION 1u
-#define FLEXAXIS_MARK 0x01020304u /* has another value if the byte order differs */
-#define FLEXAXIS_NAME 32          /* bytes of a name, padded with NUL */
+#define FLEXAXIS_MARK 0x01020304u /* reads as another value if the byte order differs */
+#define FLEXAXIS_NAME 32          /* length of a name in bytes, padded with NUL */
 #define FLEXAXIS_MOST 64          /* largest number of names, and of nominal values */
 
 enum { FLEXAXIS_SPEED = 0, FLEXAXIS_INCREMENT = 1 };
@@ -32,7 +32,8 @@ typedef struct {
     char name[FLEXAXIS_MOST][FLEXAXIS_NAME]; /* parameters that the scenario identifies */
 } flexaxis_axis;
 
-/* Reads u[k] and y[k] (NaN in a gap), and writes theta[k]. u[k] first acts on y[k+1]. */
+/* Processes u[k] and y[k] (NaN in a gap), and writes theta[k]. y[k+1] is the first output that u[k]
+ * affects. */
 typedef void (*flexaxis_step)(void *state, double u, double y, double *theta);
 
 static void flexaxis_fail(const char *why) {

@@ -3,11 +3,12 @@
  *     cc -O2 -o my_estimator my_estimator.c -lm
  *     flexaxis check 'pipe:./my_estimator'
  *
- * It predicts the states of the axis and their sensitivities to f_m. Replace it by your method.
+ * The program predicts the states of the axis and their sensitivities to f_m. Replace the method by
+ * your own.
  */
 #include "flexaxis.h"
 
-enum { ORDER = 16 }; /* of the Taylor series of the matrix exponential; exact to rounding at 5 ms */
+enum { ORDER = 16 }; /* order of the Taylor series of the matrix exponential, accurate at 5 ms */
 
 typedef struct {
     double T, A[5][5], B, dA; /* x' = (A + (theta - f_m) dA) x + B u; dA, B: motor speed only */

@@ -2,7 +2,8 @@
 %
 %     flexaxis check 'pipe:octave-cli -q my_estimator.m'
 %
-% It predicts the states of the axis and their sensitivities to f_m. Replace it by your method.
+% The program predicts the states of the axis and their sensitivities to f_m. Replace the method by
+% your own.
 1;   % makes this file a script although it starts with functions
 
 function values = take (count, type)
@@ -38,7 +39,7 @@ for i = 1 : counts(3)
   take_name ();   % parameters that the scenario identifies
 end
 
-% Send the name of the estimate and the signal that it reads (0 is the speed).
+% Send the name of the estimated parameter and the signal that the program uses (0 is the speed).
 give ("FLEXAXIS", "uint8");
 give ([1, 16909060, 1, 0], "uint32");
 give ([double("f_m"), zeros(1, 29)], "uint8");
@@ -64,7 +65,7 @@ X = zeros (11, 1);   % sensitivities of x, the states x, and the held input
 M = zeros (11);
 
 while true
-  count = take (1, "uint64");   % samples that follow
+  count = take (1, "uint64");   % number of samples that follow
   samples = reshape (take (2 * count, "double"), 2, count);
   found = zeros (1, count);
   for k = 1 : count
@@ -84,5 +85,5 @@ while true
     found(k) = theta;
   end
   give (found, "double");
-  fflush (stdout);   % without it, the answer would stay in the buffer
+  fflush (stdout);   % without this call, the answer would remain in the buffer
 end

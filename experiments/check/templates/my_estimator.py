@@ -1,7 +1,8 @@
-"""My estimator of the motor friction f_m, with NumPy and SciPy only.
+"""My estimator of the motor friction f_m, which uses only NumPy and SciPy.
 
-This template works without changes. It predicts the output with the current estimate, and corrects
-the estimate by recursive least squares. Good places to start your changes are marked (1) to (3).
+This template works without changes. It predicts the output using the current estimate, and corrects
+the estimate using recursive least squares. Places where you may start your changes are marked (1)
+to (3).
 
     flexaxis check my_estimator.py:Mine
     cp my_estimator.py old.py
@@ -15,21 +16,21 @@ from scipy.linalg import expm
 class Mine:
     """Recursive prediction-error method for one parameter, with a forgetting factor."""
 
-    names = ("f_m",)  # (1) the parameters in theta; others are "k_T", "1/J_a", ...
-    output = "speed"  # the signal y; "increment" and "angle" come from an encoder
-    knob = "1-forgetting"  # the option that `tune` and `--match-std` adjust (λ, in steps of 1 − λ)
+    names = ("f_m",)  # (1) the parameters in theta; other parameters are "k_T", "1/J_a", ...
+    output = "speed"  # the signal y; "increment" and "angle" are signals of an encoder
+    knob = "1-forgetting"  # the quantity that `tune` and `--match-std` adjust: 1 − λ
 
     def __init__(self, nominal, period, *, forgetting=0.995):
         # nominal maps the names of the 12 physical parameters to values (SI); period is in s.
-        # Other keywords are options, as in my_estimator.py:Mine[forgetting=0.99].
+        # Other keyword arguments are options, as in my_estimator.py:Mine[forgetting=0.99].
         self.nominal, self.period, self.forgetting = nominal, period, forgetting
         self.theta = nominal["f_m"]
-        self.P = 1e-3 * (1 - forgetting)  # variance of theta over the variance of the noise
+        self.P = 1e-3 * (1 - forgetting)  # variance of theta divided by the variance of the noise
         self.X = np.zeros(11)  # sensitivity dx/dtheta, the state x, and the held input
 
     def step(self, u, y):
-        """Return theta[k] for the torque u[k] and the output y[k] (None in a gap)."""
-        # y[k] was measured before u[k] acts, so the old input predicts y[k].
+        """Return theta[k], given the torque u[k] and the output y[k] (None in a gap)."""
+        # y[k] was measured before u[k] acts, so the prediction of y[k] uses the previous input.
         self.X = expm(self._model() * self.period) @ self.X
         self.X[10] = u
         if y is not None:
@@ -37,14 +38,14 @@ class Mine:
         return np.array([self.theta])
 
     def _update(self, psi, error):
-        """(2) Correct the estimate by the prediction error."""
+        """(2) Correct the estimate using the prediction error."""
         gain = self.P * psi / (1 + psi * self.P * psi)
         self.P = (1 - gain * psi) * self.P / self.forgetting
         ratio = (self.theta + gain * error) / self.nominal["f_m"]
         self.theta = self.nominal["f_m"] * np.clip(ratio, 0.1, 10)
 
     def _model(self):
-        """(3) Return M in dX/dt = M X; x is two twists and the speeds of motor, gear and arm."""
+        """(3) Return M in dX/dt = M X; x contains two twists and the speeds of the three masses."""
         names = "r k_T J_m J_g J_a k_g k_a d_g d_a f_g f_a"
         r, k_T, J_m, J_g, J_a, k_g, k_a, d_g, d_a, f_g, f_a = map(
             self.nominal.__getitem__, names.split()
