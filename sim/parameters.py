@@ -75,7 +75,7 @@ PARAMETER_UNITS = {
     for model in MODEL_NAMES
     for name in parameter_names(model)
 }
-"""Units of the parameters of all models, by name; parameters of the paper's axis come first."""
+"""Units of the parameters of all models, keyed by name; those of the paper's axis come first."""
 
 DEFAULT_IDENTIFY = ("k_T", "1/J_a", "f_m")
 """Parameters that are estimated by default, as in the paper."""
@@ -99,7 +99,7 @@ LAW_UNITS = {
     "kappa": "1/rad^2",
     "gap": "rad",
 }
-"""Units of the parameters of nonlinear laws, by name.
+"""Units of the parameters of nonlinear laws, keyed by name.
 
 The parameters are the Coulomb friction, the excess of the breakaway torque over the Coulomb
 friction, the Stribeck speed, the stiffness and damping of the bristles, the two inverse speeds of
@@ -126,7 +126,7 @@ LAW_PARAMETERS: Mapping[str, tuple[str, ...]] = {
     "backlash": ("gap",),
     "stiffening": ("kappa",),
 }
-"""Names of the law parameters that each scenario table defines, by table.
+"""Names of the law parameters that each scenario table defines, keyed by table.
 
 The attribute `law` of the table contains their values. If a scenario has several tables with a
 parameter of the same name, the first table defines its value.
@@ -157,7 +157,7 @@ def parameter_problem(name: str, value: float) -> str | None:
 
 
 class AxisParameters(Frozen):
-    """Physical parameters of an axis by name, in SI units; each parameter is also an attribute.
+    """Physical parameters of an axis in SI units, keyed by name; each is also an attribute.
 
     Values of the motor refer to the motor side, and values of the other masses to the arm side.
 
@@ -199,7 +199,7 @@ class AxisParameters(Frozen):
         return hash(tuple(self.items()))
 
     def as_dict(self) -> dict[str, float]:
-        """Return the parameters as an ordinary dictionary, by name."""
+        """Return the parameters as an ordinary dictionary, keyed by name."""
         return dict(self)
 
     def replace(self, **changes: float) -> AxisParameters:

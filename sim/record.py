@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 ROUNDING = 2e-7  # tolerance for an integer sampling rate (relative); no real clock is so exact
 
 OUTPUTS = ("speed", "increment", "angle")
-"""Output signals; a record needs at least one of them."""
+"""Names of the output signals; a record must contain at least one of these signals."""
 
 SIGNALS = {
     "time": ("s", "time of the sample"),
@@ -40,7 +40,7 @@ SIGNALS = {
     "true_angle_a": ("rad", "arm angle"),
     "true_angle_l": ("rad", "load angle"),
 }
-"""Unit and description of each signal (N,), by name."""
+"""Unit and description of each signal (N,), keyed by name."""
 
 _ATTRIBUTES: dict[str, Callable[[Any], Any]] = {
     "scenario": json.loads,
@@ -85,7 +85,7 @@ class Record:
     burn_in : float
         Length of the initial part of the run that is not scored [s].
     versions : dict
-        Versions of the programs that made the record, by name.
+        Versions of the programs that made the record, keyed by name.
 
     Raises
     ------
@@ -201,7 +201,8 @@ def load_record(path: str | os.PathLike[str]) -> Record:
     Returns
     -------
     Record
-        The record. Fields without a variable in the file have their default, in most cases None.
+        The record. If the file contains no variable for a field, the field has its default value,
+        in most cases None.
 
     Raises
     ------

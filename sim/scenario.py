@@ -169,7 +169,7 @@ class Scenario(Config):
 
     @property
     def tables(self) -> dict[str, Any]:
-        """The tables of axis, control loop and sensors that this scenario uses, by key.
+        """The tables of axis, control loop and sensors that this scenario uses, keyed by key.
 
         Each table has the attributes `exact` (whether the linear model still describes the logged
         signals) and `in_words` (a description).
@@ -178,12 +178,12 @@ class Scenario(Config):
 
     @property
     def nonlinear(self) -> dict[str, beyond.Nonlinearity]:
-        """The nonlinear tables of the plant, by key."""
+        """The nonlinear tables of the plant, keyed by their key in the scenario."""
         return self._tables_of(beyond.Nonlinearity)
 
     @property
     def sensors(self) -> dict[str, sensing.Sensor]:
-        """The sensor tables by key, in the order in which a signal passes through them."""
+        """The sensor tables, keyed by their key, in the order in which a signal passes them."""
         return self._tables_of(sensing.Sensor)
 
     def _tables_of(self, kind: type) -> dict[str, Any]:
@@ -202,7 +202,7 @@ class Scenario(Config):
 
     @property
     def known_factors(self) -> dict[str, float]:
-        """Ratios of the known values (with their errors) to the true parameter values, by name."""
+        """Ratios of known values (with their errors) to true values, keyed by parameter."""
         besides = (*DATA_SHEET, "spread")
         return {name: x for name, x in (self.known or {}).items() if name not in besides}
 
@@ -213,7 +213,7 @@ class Scenario(Config):
 
     @cached_property
     def laws(self) -> dict[str, float]:
-        """Parameters of the plant's nonlinear laws before any fault, by name."""
+        """Parameters of the plant's nonlinear laws before any fault, keyed by name."""
         values: dict[str, float] = {}
         for table in self.nonlinear.values():  # the first table that defines a name has precedence
             values = table.law | values
@@ -221,7 +221,7 @@ class Scenario(Config):
 
     @cached_property
     def initial(self) -> dict[str, float]:
-        """Parameters before any fault, by name: those of the plant, then those of its laws."""
+        """Parameters before any fault, keyed by name: first of the plant, then of its laws."""
         return Frozen(self.nominal.as_dict() | self.laws)
 
     @property
@@ -284,7 +284,7 @@ class Scenario(Config):
         Parameters
         ----------
         changes : mapping of str to value
-            New values by dotted key, such as ``{"start": 1.2, "fault[0].factor": 2.0}``.
+            New values, keyed by dotted key, such as ``{"start": 1.2, "fault[0].factor": 2.0}``.
         inherit : bool
             Whether to keep the random numbers of this scenario. If the changes would lead to
             different random numbers and do not set `streams`, then `streams` is set to the `key` of

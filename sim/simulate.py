@@ -159,7 +159,7 @@ def _records(scenario: Scenario, seeds: list[int], truth: Truth, read: list[Arra
 
 
 def record_of(scenario: Scenario, seed: int, signals: Mapping[str, Any]) -> Record:
-    """Make the record of a run from its signals (N,), by name."""
+    """Make the record of a run from its signals (N,), keyed by name."""
     run = scenario.drawn(seed)
     return Record(
         time=scenario.times,
@@ -176,7 +176,7 @@ def record_of(scenario: Scenario, seed: int, signals: Mapping[str, Any]) -> Reco
 
 @cache
 def versions() -> dict[str, str]:
-    """Return the versions of Python and the packages that produce records, by name."""
+    """Return the versions of Python and the packages that produce records, keyed by name."""
     packages = ("flexaxis", "mujoco", "numpy")
     return {"python": platform.python_version()} | {name: version(name) for name in packages}
 

@@ -86,7 +86,7 @@ def _radius(
 def _sampled(parameters: AxisParameters, period: float) -> tuple[Array, Array]:
     """Return F (2n, 2n) and g (2n,) of the discrete model x[k+1] = F x[k] + g u[k].
 
-    The state x contains the angles and the speeds; the torque u is constant over the sample. On a
+    The state x contains the angles and the speeds; the torque u is constant during the sample. On a
     linear axis, a Runge-Kutta step of the engine equals a Taylor series of fourth order.
     """
     steps = substeps([], period)

@@ -52,7 +52,7 @@ class Racer:
     text : str
         Name of the estimator and its options, as for `--estimator`.
     tuning : dict of str to float
-        Current values of the estimator's options that are in `TUNING`, by name.
+        Current values of the estimator's options that are in `TUNING`, keyed by name.
     theta : ndarray (p,)
         Current estimates.
     thoughts : list of ndarray (5,)

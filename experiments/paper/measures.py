@@ -190,7 +190,7 @@ class Measures(Evidence):
         return {"condition": run.condition, "unnamed": sum(n not in warned for n in run.names)}
 
     def responses(self, omega: Array) -> dict[str, Any]:
-        """Return the frequency responses (M,) of the axis and of the models in Fig. 4, by name."""
+        """Return the frequency responses (M,) of the axis and the models in Fig. 4, by name."""
         u, y = signals(self.records("long")[0])
         result = {f"ARX, order {n}": fit_arx(u, y, order=n, period=self.period).response(omega)
                  for n in ORDERS}  # fmt: skip
@@ -200,7 +200,7 @@ class Measures(Evidence):
         return result
 
     def magnitude_error(self, *names: str) -> ByName:
-        """Return the largest error of each model's magnitude within `BAND` [dB], by name."""
+        """Return the largest error of each model's magnitude within `BAND` [dB], keyed by name."""
         result = self.responses(np.linspace(*BAND, 400))
         return {name: np.abs(decibels(result[name] / result["axis"])).max() for name in names}
 

@@ -92,7 +92,7 @@ def _opened(group: re.Match[str]) -> str:
 
 
 def slug(text: str) -> str:
-    """Return an HTML id for a text; different texts have different ids."""
+    """Return an HTML id that is made from a text; different texts result in different ids."""
     plain = re.sub(r"\W+", "-", text).strip("-")
     return plain if plain == text else f"{plain}-{crc32(text.encode()):x}"
 

@@ -79,7 +79,7 @@ def flat(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """Return a number as text for a table, or a dash if it is None.
+    """Return a number as text for a table, or a dash if the number is None.
 
     Examples
     --------

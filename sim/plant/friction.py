@@ -25,7 +25,7 @@ _NUMBERS = 7919  # number of custom numbers in the probe model; no other size in
 
 
 def install() -> None:
-    """Install our callback in MuJoCo; the first call takes about 1 s to compile it.
+    """Install our callback in MuJoCo; the first call compiles the callback in about 1 s.
 
     Raises
     ------

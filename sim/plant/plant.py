@@ -46,7 +46,7 @@ def quiet() -> Iterator[None]:
 
 
 class Plant:
-    """A batch of simulated axes; the torque is held constant over each sample.
+    """A batch of simulated axes; the torque is constant during each sample.
 
     All runs start at rest at angle zero. The results of a run are bitwise the same in a batch of
     any size.

@@ -31,7 +31,7 @@ class ControllerConfig(Config):
         Rate of an inner control loop [Hz]; by default the controller runs at the sampling rate. An
         inner loop interpolates the reference linearly between samples.
     log : {"mean", "sample"}, optional
-        Logged torque of an inner loop: the mean of its commands over each sample (default), or its
+        Logged torque of an inner loop: the mean of its commands in each sample (default), or its
         command at the start of the sample.
     adapt : AdaptConfig, optional
         Settings of the feed-forward, which uses the estimates of an estimator if a run has one.
@@ -60,7 +60,7 @@ class ControllerConfig(Config):
 
     @property
     def exact(self) -> bool:
-        """Whether the logged torque acts unchanged over the whole sample."""
+        """Whether the logged torque acts unchanged during the whole sample."""
         return self.rate is None
 
     def logged(self, commands: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:

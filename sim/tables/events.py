@@ -74,7 +74,7 @@ def find_events(
     grid : Grid
         Samples of the run.
     nominal : mapping of str to float
-        Parameter values before any fault, by name.
+        Parameter values before any fault, keyed by name.
     """
     changes = (*faults, *nuisances)
     settled: dict[tuple[int, str], dict[int, int]] = {}
@@ -133,7 +133,7 @@ def first_onset(scenario: Scenario) -> int:
 
 
 def _moved(scenario: Scenario, seed: int) -> dict[str, Any]:
-    """Return the new values of the keys that depend on the random onset, by dotted key.
+    """Return the new values of the keys that depend on the random onset, keyed by dotted key.
 
     All faults and pauses shift by the same time, so the intervals between them do not change.
     Nuisances do not shift. The shift is drawn uniformly from -`onset_spread` to +`onset_spread` in

@@ -101,7 +101,7 @@ class Ramp(Config):
     factor: Factor
 
     def factor_at(self, grid: Grid) -> Array:
-        """Return the factor (N,) of each sample: the mean of the ramp over the sample."""
+        """Return the factor (N,) of each sample: the mean of the ramp during the sample."""
         k = grid.k - grid.index(self.at)
         done = np.where(k < 0, 0.0, np.minimum((k + 0.5) / grid.index(self.over), 1.0))
         return 1.0 + done * (self.factor - 1.0)
@@ -138,7 +138,7 @@ class Thermal(Config):
     factor: Factor
 
     def factor_at(self, grid: Grid) -> Array:
-        """Return the factor (N,) of each sample: the mean of the curve over the sample."""
+        """Return the factor (N,) of each sample: the mean of the curve during the sample."""
         k = np.maximum(grid.k - grid.index(self.at), -1)
         decay = np.exp(-grid.period / self.time_constant)
         left = decay**k * (1 - decay) * self.time_constant / grid.period

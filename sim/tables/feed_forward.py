@@ -66,8 +66,8 @@ class AdaptConfig(Config):
         motion : (ndarray (R,), ndarray (R,))
             Desired speed v [rad/s] and acceleration a [rad/s²].
         of : mapping of str to float or ndarray (R,)
-            Values of the parameters in `USED`, of the inertias (motor first), and of ``"k_T0"``, by
-            name.
+            Values of the parameters in `USED`, of the inertias (motor first), and of ``"k_T0"``,
+            keyed by name.
         """
         speed, acceleration = motion
         torque = of["k_T0"] * feedback
@@ -87,8 +87,8 @@ class FeedForward:
     config : AdaptConfig
         Terms and limits of the feed-forward.
     nominal : mapping of str to float
-        Parameters of the axis before any fault, by name. A run without an estimator uses these
-        values throughout.
+        Parameters of the axis before any fault, keyed by name. A run without an estimator uses
+        these values throughout.
     reference : ndarray (N, R)
         Desired motor angle [rad].
     period : float

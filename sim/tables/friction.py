@@ -43,11 +43,11 @@ class _CompiledLaw(Nonlinearity):
 
     @property
     def law(self) -> dict[str, float]:
-        """Parameters of the law by name."""
+        """Parameters of the law, keyed by name."""
         return {name: getattr(self, name) for name in self.parameters}
 
     def kept(self, law: Mapping[str, Any]) -> dict[Place, Any]:
-        """Return the numbers that the engine uses for the parameters `law`, by their place."""
+        """Return the numbers that the engine uses for the parameters `law`, keyed by place."""
         keys, owner = [*type(self).model_fields], type(self).__name__
         at = {name: Place("numeric_data", owner, 2 + keys.index(name)) for name in law}
         return {at[name]: value for name, value in law.items()}
@@ -70,16 +70,16 @@ class FrictionConfig(Nonlinearity):
         """Add the law to an `MjSpec`."""
         motor = spec.joint("motor")
         motor.frictionloss = self.coulomb
-        # the engine's friction is soft by default, which gives errors of 50 % here
+        # by default, the engine's friction is soft, which would cause errors of 50 % here
         motor.solref_friction, motor.solimp_friction[:3] = [1e-6, 1.0], [0.9999, 0.9999, 0.001]
 
     @property
     def law(self) -> dict[str, float]:
-        """Parameters of the law by name."""
+        """Parameters of the law, keyed by name."""
         return {"f_c": self.coulomb}
 
     def kept(self, law: Mapping[str, Any]) -> dict[Place, Any]:
-        """Return the numbers that the engine uses for the parameters `law`, by their place."""
+        """Return the numbers that the engine uses for the parameters `law`, keyed by place."""
         return {Place("dof_frictionloss", "motor"): law["f_c"]}
 
     def in_words(self) -> str:
@@ -134,7 +134,7 @@ class LuGreConfig(Nonlinearity):
 
     @property
     def law(self) -> dict[str, float]:
-        """Parameters of the law by name; f_s is the breakaway torque minus f_c."""
+        """Parameters of the law, keyed by name; f_s is the breakaway torque minus f_c."""
         return {
             "f_c": self.coulomb,
             "f_s": self.static - self.coulomb,
@@ -144,7 +144,7 @@ class LuGreConfig(Nonlinearity):
         }
 
     def kept(self, law: Mapping[str, Any]) -> dict[Place, Any]:
-        """Return the numbers that the engine uses for the parameters `law`, by their place."""
+        """Return the numbers that the engine uses for the parameters `law`, keyed by place."""
         return {
             Place("actuator_biasprm", "lugre", 3): law["f_c"],
             Place("actuator_biasprm", "lugre", 4): law["f_c"] + law["f_s"],

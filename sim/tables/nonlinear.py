@@ -49,11 +49,11 @@ class Nonlinearity(Config):
 
     @property
     def law(self) -> dict[str, float]:
-        """True parameters of the effect that a record contains, by name."""
+        """True parameters of the effect that a record contains, keyed by name."""
         return {}
 
     def kept(self, law: Mapping[str, Any]) -> dict[Place, Any]:
-        """Return the numbers that the engine uses for the parameters `law`, by their place.
+        """Return the numbers that the engine uses for the parameters `law`, keyed by place.
 
         The dictionary is empty if the parameters cannot change during a run.
         """
@@ -116,7 +116,7 @@ class BacklashConfig(Nonlinearity):
 
     @property
     def law(self) -> dict[str, float]:
-        """Parameters of the effect by name."""
+        """Parameters of the effect, keyed by name."""
         return {"gap": self.gear}
 
     def in_words(self) -> str:
@@ -144,7 +144,7 @@ class StiffeningConfig(Nonlinearity):
 
     @property
     def law(self) -> dict[str, float]:
-        """Parameters of the effect by name."""
+        """Parameters of the effect, keyed by name."""
         return {"kappa": self.gear}
 
     def in_words(self) -> str:

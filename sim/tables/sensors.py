@@ -23,7 +23,7 @@ from flexaxis.sim.timing import TICK
 Array = NDArray[np.float64]
 
 Signal = Literal["angle", "speed"]
-"""Measured signals of the motor: angle [rad] and speed [rad/s]."""
+"""Name of a measured signal of the motor: angle [rad] or speed [rad/s]."""
 
 Stage = Callable[[Array], Array]
 """Function that takes the next n samples (n, R) of a signal and returns the processed samples."""
