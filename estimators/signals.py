@@ -179,7 +179,7 @@ def check_signals(
             raise EstimatorError(f"{name} has the shape {values.shape}; give one value a sample")
         if len(values) != len(u):
             raise EstimatorError(
-                f"u has {len(u)} samples and {name} has {len(values)}; give as many of each"
+                f"u has {len(u)} samples and {name} has {len(values)}; the numbers must be equal"
             )
         finite = np.isfinite(values)
         if not finite.all():

@@ -160,8 +160,8 @@ def _scale(start: Array, asked: ArrayLike | None) -> Array:
     scale = start if asked is None else finite_vector("scale", asked, len(start))
     if not scale.all():
         raise EstimatorError(
-            f"a parameter of a law starts at 0 ({start}), which gives it no scale: start it at the "
-            "size that it may have"
+            f"a parameter of a law starts at 0 ({start}), so its scale is unknown: choose a start "
+            "of the expected size"
         )
     return scale
 

@@ -55,8 +55,8 @@ def joint_imm(
     period, p = design.period, len(design.theta0)
     if not (0 < rate * period < 1 and period < hold < np.inf):
         raise EstimatorError(
-            f"rate is {rate} and hold {hold}; a jump comes less than once and lasts more than one "
-            f"sample of {period} s"
+            f"rate is {rate} and hold is {hold}; with a period of {period} s the rate must lie "
+            f"between 0 and {1 / period:g} 1/s, and hold must exceed the period"
         )
     variances = finite_vector("jump", jump, p)
     if not (variances >= 0).all():
@@ -98,9 +98,9 @@ def _imm(
     rate = (TUNED_RATE if tuned else RATE) if rate is None else rate
     jump = (TUNED_JUMP if tuned else JUMP) if jump is None else jump
     design = problem.walk_design("imm", WALK, walk=walk, spread=spread)
-    above_zero("rate", rate, "how often a jump comes, in 1/s")
+    above_zero("rate", rate, "the mean rate of jumps in 1/s")
     above_zero("jump", jump, "the standard deviation of a jump, relative to θ(0)")
-    above_zero("hold", hold, "how long a jump lasts, in seconds")
+    above_zero("hold", hold, "the mean duration of a jump in seconds")
     variance = problem.period / hold * (jump * problem.theta) ** 2
     return joint_imm(design, jump=variance, rate=rate, hold=hold)
 

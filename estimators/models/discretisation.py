@@ -75,8 +75,8 @@ def plan(
     if not parts * steps <= MAX_STEPS:
         raise EstimatorError(
             f"the model is too fast for a sampling period of {period:g} s: a sample would take "
-            f"{parts * steps:.3g} steps, and {MAX_STEPS} are the most. Correct the entry of A that "
-            "is so large, leave out the state that is so fast, or narrow the bounds"
+            f"{parts * steps:.3g} steps, but at most {MAX_STEPS} are allowed. Correct the largest "
+            "entry of A, remove the fastest state, or narrow the bounds"
         )
     substeps = math.ceil(parts)
     return steps, max(least, _order(size / substeps, tolerance)), substeps

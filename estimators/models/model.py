@@ -96,7 +96,7 @@ class Model:
             if LAWS[law.kind].loaded and "spring" not in {other.kind for other in self.laws}:
                 raise EstimatorError(
                     f"law {law.kind!r} depends on the drive of a law 'spring', and model "
-                    f"{self.name!r} has none; add one, without backlash and stiffening if need be"
+                    f"{self.name!r} has no such law; add one, in which cubic and gap may be 0"
                 )
         for name in self.parameters:
             if not np.isfinite(self.nominal.get(name, np.nan)):

@@ -22,8 +22,8 @@ ABSENT = (
 SEEN = 0.25  # largest ratio of the standard deviations after and before the first seconds for which
 # a parameter is learnt
 
-AS_TOLD = "the first seconds hardly move what it acts on, so it stays as it was told"
-AS_ABSENT = "the first seconds hardly move what it acts on, so it is taken as absent"
+AS_TOLD = "the first seconds hardly excite this parameter, so its value stays as it was told"
+AS_ABSENT = "the first seconds hardly excite this parameter, so it is taken as absent"
 
 
 def names_of(option: str, names: object, allowed: Sequence[str]) -> tuple[str, ...]:
@@ -36,7 +36,7 @@ def names_of(option: str, names: object, allowed: Sequence[str]) -> tuple[str, .
     for name in names:
         if name not in allowed:
             raise EstimatorError(
-                f"{option} names {name!r}, which is no parameter for that: "
+                f"{option} names {name!r}, which is not among the allowed parameters: "
                 + did_you_mean(str(name), allowed)
             )
     return tuple(dict.fromkeys(names))
@@ -78,8 +78,8 @@ def refuse_zero(thought: Prior) -> None:
     for name, scale in zip(thought.names, thought.scale, strict=True):
         if not scale:
             raise EstimatorError(
-                f"{name} is told to be 0, which gives no size for its estimate; tell about how "
-                f"large {name} may be, or leave it out of identify and track"
+                f"{name} is told to be 0, so the scale of its estimate is unknown; give the size "
+                f"expected of {name}, or leave it out of identify and track"
             )
 
 
@@ -93,7 +93,7 @@ def known_better(model: Model, thought: Prior, deviations: Mapping[str, float]) 
     for name in deviations:
         if name not in known and name not in model.parameters:
             raise EstimatorError(
-                f"deviations names {name!r}, which is no parameter here: "
+                f"deviations names {name!r}, which is not a parameter of this model: "
                 + did_you_mean(str(name), known)
             )
     deviation = thought.deviation.copy()

@@ -94,7 +94,7 @@ def measured(model: Model, torque: ArrayLike | None, period: float) -> list[tupl
         return [(law, _stored(model, law)) for law in model.laws]
     u = as_torque(torque)
     if not np.all(np.isfinite(u)) or not u.any():
-        raise EstimatorError("torque must be that of a run in which the axis moves, not all 0")
+        raise EstimatorError("torque must be from a run in which the axis moves, and not all 0")
     A, B, _ = _matrices(model)
     fastest = float(max(abs(np.linalg.eigvals(A))))  # 1/s, even if the reference is slow
     result = []
@@ -104,7 +104,7 @@ def measured(model: Model, torque: ArrayLike | None, period: float) -> list[tupl
         size = float(np.std(w + law.drive.get(INPUT, 0.0) * u))
         if not size > 0:
             drives = ", ".join(law.drive)
-            raise EstimatorError(f"the torque does not move {drives}, that drives a law")
+            raise EstimatorError(f"the torque does not move {drives}, which is the drive of a law")
         rate = float(np.sqrt(np.mean((change + (drive @ B) * u) ** 2))) / size
         force = _force(model, law, B) * float(np.sqrt(np.mean(u**2)))
         result.append((law, Sizes(size, force, max(rate, fastest))))
@@ -183,8 +183,8 @@ def _stored(model: Model, law: Law) -> Sizes:
         known = is_axis(linear, "n1", [p for p in linear.parameters if p != "r"])
     if not known or law.kind not in NOMINAL:
         raise EstimatorError(
-            "how large friction, play and cogging can be is known only of the nominal axis; for "
-            "another one give torque, that of some tens of seconds in which it moves"
+            "the expected size of friction, backlash and cogging is known only for the nominal "
+            "axis; for another axis give torque, recorded during some tens of seconds of motion"
         )
     return NOMINAL[law.kind]
 
@@ -358,8 +358,8 @@ def _guess(role: str, law: Law, sizes: Sizes) -> Array:
     known = law.roles[role]
     if not known.size:  # a data-sheet value, such as a number of poles
         raise EstimatorError(
-            f"nothing is known of the parameter {law.parameters[role]!r} of a law {law.kind!r} "
-            "beforehand; it cannot be learnt, so give it as a nominal value"
+            f"the parameter {law.parameters[role]!r} of a law {law.kind!r} has no prior and cannot "
+            "be learnt; give its nominal value"
         )
     unit = {
         "1": 1.0,
