@@ -29,11 +29,11 @@ from flexaxis.estimators.models.compiler import inlined
 
 MEMORY = 2.0  # s, memory of R; with 400 samples at 5 ms R has a relative standard deviation of 5 %
 KNOWN = 50.0  # samples after which R is accurate enough (20 %) to detect outliers
-CLIP = 3.0  # standard deviations to which innovations are clipped before they enter R
+CLIP = 3.0  # standard deviations to which innovations are clipped before R is updated
 SURE = 2.0  # R is at most twice the mean over the last KNOWN samples (7 standard deviations)
 SMOOTH = 0.25  # squared differences divided by squares: 1 ± 0.2 for white noise. If the ratio is
 # smaller, the model is wrong, and R is learnt more slowly
-SLOWER = 10.0  # factor on the memory in that case
+SLOWER = 10.0  # factor by which the memory of R is longer in this case
 ODD = 100.0  # standard deviations: a sample that differs by more from ŷ and the previous sample is
 # skipped, because noise is never that large. A fault persists; its residuals are clipped to this
 WILD = 8.0  # the same limit after the first isolated outlier. Normal noise exceeds this limit once
@@ -42,7 +42,7 @@ ROW = 2  # largest number of consecutive samples that are skipped, because a fau
 GROWS = 3.0  # a second outlier of the same sign is used if it is at most three times the first: the
 # effect of a torque jump on the speed doubles within a sample
 FINEST = 1e-6  # smallest standard deviation of the noise relative to ŷ, due to rounding
-MOVING = 0.5  # ŷ divided by the noise, above which a sample enters R: an encoder at rest is exact
+MOVING = 0.5  # ratio of ŷ and noise above which a sample updates R: an encoder at rest is exact
 
 
 def clipped_variance(clip: float) -> float:
@@ -61,7 +61,8 @@ def level(design: Design, *, rests: bool = False) -> dict[str, ArrayLike]:
     ----------
     design : Design
     rests : bool
-        Whether every changed reading enters R, even at rest. Only an encoder repeats readings.
+        Whether R is updated with every changed reading, even at rest. Only an encoder repeats
+        readings.
     """
     counts = design.output == "angle" and not design.differences
     return monitor_numbers(design.period) | {

@@ -280,7 +280,7 @@ def _carry(claim, gain, weight, spread, scale):
 
 @inlined
 def correct_state(state):
-    """Correct state and output for the change of θ, x ← x + z Δθ, if this option is set."""
+    """Correct state and output for the change of θ, x ← x + z Δθ, if the filter does so."""
     X, moved = state.X, state.moved
     for i in range(len(X) if state.now[0]["correct"] > 0.0 else 0):
         for j in range(len(moved)):

@@ -8,7 +8,7 @@ from flexaxis.estimators.errors import EstimatorError, did_you_mean
 from flexaxis.estimators.models.laws import INPUT, Law
 from flexaxis.estimators.models.model import Model
 
-PAPER = ("k_T", "1/J_a", "f_m")  # identified in the paper
+PAPER = ("k_T", "1/J_a", "f_m")  # parameters identified in the paper
 
 
 def one_mass(nominal: Mapping[str, float]) -> Model:

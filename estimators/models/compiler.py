@@ -52,7 +52,7 @@ class Compiled:
         self._called: set[type] = set()
 
     def __call__(self, *arguments: Any) -> Any:
-        """Call the function; a new type of the last argument compiles, in one process at a time."""
+        """Call the function, and compile it first if the type of the last argument is new."""
         call, last = self.dispatcher if self.kept else self.function, type(arguments[-1])
         if last in self._called or call is self.function:
             return call(*arguments)

@@ -165,7 +165,7 @@ def _gear(v, twist, u, value, local):
     slow, slow_gear, slow_motor = _load(gear, motor, value[7], value[6])
     excess = f_s + slow
     level, steep = value[0] + fast + excess * e, (1.0 - t * t) / v_0
-    fall = excess * e * alpha * power * t  # −∂F/∂ ln|v|, of the excess
+    fall = excess * e * alpha * power * t  # contribution of the excess to −∂F/∂ ln|v|
     local[F] = level * t
     local[F_W] = level * steep - (fall / v if x > 0.0 else 0.0)
     for role, slope in enumerate(
@@ -191,7 +191,7 @@ def _gear(v, twist, u, value, local):
 
 @inlined
 def _load(gear, motor, of_gear, of_motor):
-    """Return |L| of a load L, and the derivatives of |L| by its two torques' contributions."""
+    """Return |L| of the load L, and the derivatives of |L| by the two summands of L."""
     load = of_gear * gear + of_motor * motor
     if load == 0.0:  # if both coefficients are zero, each of them can only grow
         return 0.0, 1.0 if gear >= 0.0 else -1.0, 1.0 if motor >= 0.0 else -1.0

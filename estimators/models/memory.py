@@ -104,7 +104,7 @@ def views(kind: Any, block: NDArray[np.float64], at: NDArray[np.int64]) -> Any:
 
 
 def _view(dtype: np.dtype, dimensions: int) -> Callable:
-    """Return a function of block, ``at`` and row, in Python or compiled, that returns one view."""
+    """Return a function of block, ``at`` and row that returns one view, and can be compiled."""
     words = dtype.itemsize // 8
 
     # A compiled function without reference counting can return a view only in a tuple.

@@ -258,7 +258,7 @@ def read(entries, slopes, output, X):
 
 @inlined
 def _part(axis, u, law, X):
-    """Integrate X over a substep with u held; the torque of one law is one, or of none (−1)."""
+    """Integrate X over a substep with u held, and a torque of one for one law (−1 for no law)."""
     entries, Q, xi, effect, sizes = axis.entries, axis.Q, axis.point, axis.effect, axis.sizes[0]
     n, held, order, output = sizes["n"], sizes["held"], sizes["order"], sizes["output"]
     for i in range(n):

@@ -71,7 +71,7 @@ def is_dry(model: Parametrization, period: float) -> bool:
 
 
 def sampled(model: Parametrization, theta: Array, period: float) -> Sampled:
-    """Sample an axis with parameters θ (p,) that is linear or fulfils `is_dry`."""
+    """Sample an axis that is linear or fulfils `is_dry`, with the parameters θ (p,)."""
     generator, level, speed = model.blocks(theta)[0] * period, 0.0, 0
     output, generator[-1] = generator[-1] / period, 0.0
     stuck = generator.copy()

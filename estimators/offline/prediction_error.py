@@ -24,7 +24,7 @@ Flags = NDArray[np.bool_]
 
 HIGHEST_ORDER = 60  # highest order of the noise model
 FASTEST = 4 * np.pi  # radians per sample: a log cannot represent an axis with such a fast pole
-ROUNDS, EVALUATIONS = 40, 25  # limits: one round may leave 2/3 of an error
+ROUNDS, EVALUATIONS = 40, 25  # limits: one round may reduce an error to 2/3 only
 CONVERGED = 0.05  # distance to the minimum at which a fit ends, in standard deviations
 TURNS = 1.0  # the same for the last round, because noise models may alternate
 ROUGH = 5.0  # the same if no step reduces the misfit because friction is at a kink

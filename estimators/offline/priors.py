@@ -118,7 +118,7 @@ def _remembered(content: bytes) -> Array:
 
 @compiled
 def _mean_diagonal(psi, P, forgetting, drift, regularization):
-    """Update P along ψ (N, p), eq. (7), (9), (10), (12); average its diagonal over the 2nd half."""
+    """Update P with ψ (N, p), eq. (7), (9), (10), (12); return the mean diagonal, second half."""
     N, p = psi.shape
     gain, total = np.empty(p), np.zeros(p)
     for k in range(N):

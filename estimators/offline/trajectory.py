@@ -17,7 +17,7 @@ from flexaxis.estimators.offline.coulomb import Sampled, follow, is_dry, sampled
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-STEPS = 2  # number of steps for each step in which filters solve laws
+STEPS = 2  # number of steps for each step that a filter would use to solve laws
 STEP = 1e-6  # relative change of an unknown in numerical derivatives
 LEAST = 1e-3  # rad/s or rad, smallest magnitude to which STEP is applied, for initial states
 
