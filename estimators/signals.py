@@ -111,7 +111,7 @@ SIGNALS = {
             "angle",
             "rad",
             predicted=increment,
-            mean_speed=lambda period: (1.0, 0.0),
+            mean_speed=lambda period: (1 / period, -1 / period),
         ),
     )
 }

@@ -140,8 +140,8 @@ def update(state, y, noise):
     P, X, gain, theta, W = state.P, state.X, state.gain, state.theta, state.drift
     G, GP = state.G, state.GP
     p, n = len(state.lower), len(G) - 1
-    measured = not np.isnan(y)
-    root = 1.0 / np.sqrt(state.now[0]["spread"] + noise) if measured else 0.0
+    now, measured = state.now[0], not np.isnan(y)
+    root = 1.0 / np.sqrt(now["spread"] + noise) if measured else 0.0
     for a in range(p):
         gain[a] = root * GP[n, a]
     for i in range(n):
@@ -156,6 +156,8 @@ def update(state, y, noise):
         for j in range(i + 1):
             b = p + j
             P[a, b] = P[b, a] = _dot(GP[i], G[j]) - gain[a] * gain[b]
+    driven = p + int(now["driven"])
+    P[driven, driven] += now["torque_noise"]
     if measured:
         innovation = (y - X[-1, 0]) * root
         for i in range(p):

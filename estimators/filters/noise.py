@@ -64,7 +64,7 @@ def level(design: Design, *, rests: bool = False) -> dict[str, ArrayLike]:
         Whether R is updated with every changed reading, even at rest. Only an encoder repeats
         readings.
     """
-    counts = design.output == "angle" and not design.differences
+    counts = design.output == "angle"
     return monitor_numbers(design.period) | {
         "counts": float(counts),
         "known": float(design.noise > 0),
@@ -83,7 +83,8 @@ def judge(state, y, valid, prediction, spread):
     Store the innovation and learn R; return the output for the update, or NaN to skip the sample.
 
     ``spread`` is hᵀPh. If R is unknown, no sample is used until the axis moves. R then starts at
-    e² + hᵀPh. If y is an angle, the returned output is relative to the first reading.
+    e² + hᵀPh, or at q²/12 with torque noise. If y is an angle, the returned output is
+    relative to the first reading.
     """
     noise = state["noise"]
     S = spread + noise
@@ -112,7 +113,8 @@ def judge(state, y, valid, prediction, spread):
         nothing = not fresh or e**2 + spread == 0.0 if state["rests"] > 0.0 else prediction == 0.0
         if nothing:
             return np.nan
-        _begin(state, max(e**2 + spread, state["rounding"]))
+        exact = state["first_torque_noise"] > 0.0  # then P holds what is unknown of the state
+        _begin(state, state["rounding"] if exact else max(e**2 + spread, state["rounding"]))
         return y - origin
     sd = np.sqrt(S)
     if _is_wild(state, e, sd, judged):
@@ -181,8 +183,8 @@ def _learn(state, spread, square, rough):
     S = spread + R
     share = R / S
     rest, scale = spread * share, share**2
-    if state["samples"] < KNOWN:  # keep R large, so that no sample has too much weight
-        scale = 1.0
+    if state["samples"] < KNOWN and state["first_torque_noise"] == 0.0:
+        scale = 1.0  # keep R large, so that no sample has too much weight
     count = state["samples"] = min(state["samples"] + 1.0, state["memory"])
     levels[2] += (rest + scale * square - levels[2]) / min(count, KNOWN)
     if rough >= 0.0:  # not NaN, as after a gap

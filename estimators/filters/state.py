@@ -14,6 +14,7 @@ _TUNING = (
     "memory",  # samples over which R is averaged
     "known",  # 1 if the noise variance is given
     "rests",  # 1 if R is learnt at rest as well
+    "first_torque_noise",  # initial value of `torque_noise`, 0 for a filter without it
     "counts",  # 1 if y is an angle that is counted from the first reading
     "correct",  # 1 if the state is corrected when θ changes
     "clip",  # standard deviations to which a residual is limited
@@ -38,6 +39,8 @@ _NOISE = (
     "anchored",  # 1 from the first reading on
     "origin",  # reading at which the counted angle is zero
     "rounding",  # variance of the rounding of an encoder, 0 while unknown
+    "driven",  # index of the state that the torque drives
+    "torque_noise",  # variance [its unit²] that it gains per sample from unmodelled torques
 )
 _MONITOR = (
     "reading",  # last reading of the sensor

@@ -17,7 +17,6 @@ from flexaxis.estimators.glr.records import Jumps, Timing, bank_of
 from flexaxis.estimators.glr.workspace import Workspace, take_up
 from flexaxis.estimators.models.memory import Memory
 from flexaxis.estimators.protocol import Finding
-from flexaxis.estimators.signals import increments
 
 Array = NDArray[np.float64]
 
@@ -48,6 +47,8 @@ class Glr(RecursiveEstimator):
         Largest number of cogging waves per turn to look for; 0 for none.
     angle : int
         Index of the motor angle among the states, even if the model lacks it.
+    torque_noise : mapping of str to float
+        Its numbers, see `flexaxis.estimators.filters.state`; empty for a filter without it.
     richer : Glr, optional
         Filter with cogging as its last law, which takes over if cogging is found.
 
@@ -87,6 +88,7 @@ class Glr(RecursiveEstimator):
         shapes: Mapping[tuple[str, ...], tuple[str, ...]],
         waves: int = 0,
         angle: int = 0,
+        torque_noise: Mapping[str, float],
         richer: "Glr | None" = None,
     ) -> None:
         names = design.model.names
@@ -98,7 +100,7 @@ class Glr(RecursiveEstimator):
             for name, value in group.items()
         }
         groups = [[names.index(name) for name in group] for group in told if group]
-        arrays = joint_arrays(design, rests=True)
+        arrays = joint_arrays(design, rests=True, **torque_noise)
         arrays["drift"] = np.diag(jumps.walk)
         bank = bank_of(
             design,
@@ -176,9 +178,7 @@ class Glr(RecursiveEstimator):
     def _take(
         self, u: Array, y: Array, valid: NDArray[np.bool_], estimates: Array, trace: Array
     ) -> None:
-        done, running, design = 0, True, self._plain.design
-        if design.differences:
-            y, valid, self._reading = increments(y, valid, self._reading, design.period)
+        done, running = 0, True
         while running:
             rest, work = slice(done, None), self._work
             samples = u[rest], y[rest], valid[rest], estimates[rest], trace[rest]
@@ -190,7 +190,7 @@ class Glr(RecursiveEstimator):
                 estimates[done - 1] = self._work.states["theta"][0, : len(self.names)]
             work = self._work
             running = done < len(u) or (work.busy and bool(work.bank["left"] > 0))
-        estimates *= design.scale[: len(self.names)]
+        estimates *= self._plain.design.scale[: len(self.names)]
 
     def _attend(self) -> None:
         """Do what is due after a sample, now or when the budget of a later sample allows it."""

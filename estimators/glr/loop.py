@@ -4,7 +4,7 @@ import numpy as np
 
 from flexaxis.estimators.filters.constrained import draw_estimates
 from flexaxis.estimators.filters.joint import Joint, look, predict, update
-from flexaxis.estimators.filters.noise import judge, show
+from flexaxis.estimators.filters.noise import CLIP, judge, show
 from flexaxis.estimators.glr.bank import (
     NEVER,
     carry_columns,
@@ -19,6 +19,12 @@ from flexaxis.estimators.models.compiler import inlined, loop, summed
 from flexaxis.estimators.models.memory import views
 from flexaxis.estimators.models.series import LAWS
 
+LEARNS = (0.02, 0.003)  # change of ln of the variance of the torque noise per sample, over
+# e²/S − 1: during initialisation, and after it
+LOWEST, HIGHEST = np.exp(-11.0), np.exp(2.0)  # limits of this variance over the initial one: 0.12 %
+# and 82 % of the rms torque. LEARNS and LOWEST are tuned on seeds 4-23 of encoder_fm_step and
+# coarse_encoder_fm_step; a lowest value of 0.55 % made the lag on the finer encoder a fifth longer
+
 
 @loop
 def glr(blocks, at, bank_block, bank_at, u, y, valid, estimates, trace):  # noqa: PLR0917
@@ -32,7 +38,7 @@ def glr(blocks, at, bank_block, bank_at, u, y, valid, estimates, trace):  # noqa
     bank = views(Bank, bank_block, bank_at)
     b = bank.now[0]
     if b["left"] > 0:
-        _go_through(second, bank, state.now[0]["noise"])
+        _go_through(second, bank, state.now[0])
         if b["busy"] > 0 and b["at"] >= b["end"]:
             return 0
     for k in range(len(u)):
@@ -43,7 +49,7 @@ def glr(blocks, at, bank_block, bank_at, u, y, valid, estimates, trace):  # noqa
         predict(state, u[k], LAWS)
         if b["searching"] > 0:
             look_for_waves(b, bank.waves.pull, state.now[0], state.axis)
-        _go_through(second, bank, state.now[0]["noise"])
+        _go_through(second, bank, state.now[0])
         if asks or (b["busy"] > 0 and b["at"] >= b["end"]):
             return k + 1
     return len(u)
@@ -57,13 +63,14 @@ def _measure(state, bank, u, y, valid):
     used = judge(now, y, valid, state.X[-1, 0], now["spread"])
     row = bank.now[0]["taken"] % len(bank.history)
     bank.history[row, 0], bank.history[row, 1], bank.history[row, 2] = u, used, now["noise"]
+    bank.history[row, 3] = now["torque_noise"]
     e, S = used - state.X[-1, 0], now["spread"] + now["noise"]
     update(state, used, now["noise"])
     carry_columns(bank, state, e, S)
 
 
 @inlined
-def _go_through(state, bank, highest):
+def _go_through(state, bank, latest):
     """Let the second filter process as many old samples as the budget allows."""
     b = bank.now[0]
     while b["left"] > 0 and b["at"] < b["end"]:
@@ -71,8 +78,11 @@ def _go_through(state, bank, highest):
         look(state)
         row = b["at"] % len(bank.history)
         torque, used, noise = bank.history[row, 0], bank.history[row, 1], bank.history[row, 2]
+        torque_noise = bank.history[row, 3]
         if b["awake"] == 0:  # noise was not known yet when these samples came
-            noise = min(noise, highest)
+            noise = min(noise, latest["noise"])
+            torque_noise = np.sqrt(torque_noise * latest["torque_noise"])
+        state.now[0]["torque_noise"] = torque_noise
         if b["measured"] == 0:
             e, S = used - state.X[-1, 0], state.now[0]["spread"] + noise
             update(state, used, noise)
@@ -93,6 +103,7 @@ def _think(state, bank, estimates):
     b["taken"] = now + 1
     if b["end_follows"] > 0:
         b["end"] = now + 1
+    _follow_torque_noise(b, state.now[0])
     asks = (b["busy"] == 0 and 0 <= b["due"] <= now) or state.now[0]["anew"] > 0.0
     if b["awake"] > 0:
         _follow_misfit(b, state.now[0])
@@ -117,7 +128,9 @@ def _think(state, bank, estimates):
 def _has_moved(b, waves, s, now):
     """Return whether the axis has moved long enough to learn its structure."""
     long = b["commissioning"]
-    if s["prediction"] ** 2 > s["noise"] > 0.0:
+    step = s["prediction"] - s["counts"] * b["last_prediction"]  # or, of an angle, its change
+    b["last_prediction"] = s["prediction"]
+    if step**2 > s["noise"] > 0.0:
         b["moves"] += 1
         if b["searching"] > 0 and b["moves"] == long // 2:
             begin_sums(b, waves)
@@ -129,6 +142,16 @@ def _has_moved(b, waves, s, now):
     if late and b["moves"] < long // 2:  # noise, or too little to learn from
         b["born"], b["moves"], late = NEVER, 0, False
     return late or b["moves"] >= long
+
+
+@inlined
+def _follow_torque_noise(b, s):
+    """Learn the variance of unmodelled torques such that the mean of e²/S is one."""
+    square = s["innovation"] ** 2 / s["innovation_variance"]
+    if square >= 0.0:  # not NaN, as in a gap
+        growth = np.exp(LEARNS[int(b["awake"])] * (min(square, CLIP**2) - 1.0))
+        lowest, highest = LOWEST * s["first_torque_noise"], HIGHEST * s["first_torque_noise"]
+        s["torque_noise"] = min(max(growth * s["torque_noise"], lowest), highest)
 
 
 @inlined

@@ -167,6 +167,7 @@ BANK = np.dtype(
             "kappa", "misfit",  # κ, and as it was before the oldest onset
             "square", "product", "last",  # means of z² and z[k] z[k−1], and the last z
             "odds",
+            "last_prediction",  # ŷ of the sample before
             "J_one", "d_one", "chi2_one",  # of what is gone through again
             "cost_one", "cost_first",  # −2 ln of the likelihood, and that of the first seconds
         )
@@ -188,8 +189,9 @@ class Bank(NamedTuple):
         Of the jumps.
     told : Told
         As of `flexaxis.estimators.filters.constrained`.
-    history : (length, 3) array
-        Torque, output as it is used, and R of the last samples, each at its number's remainder.
+    history : (length, 4) array
+        Torque, output as it is used, R and torque noise of the last samples, each at its number's
+        remainder.
     delta, moved_one : (m,), (n,) arrays
         δ of the second filter.
     D, moved : (m, H), (n+1, H) arrays
@@ -269,7 +271,7 @@ def bank_of(
             "log_prior": np.log(jumps.rate * design.period),
         }
         | told_arrays(tracked, groups)
-        | {"history": np.zeros((_history(timing), 3))}
+        | {"history": np.zeros((_history(timing), 4))}
         | {"delta": np.zeros(m), "moved_one": np.zeros(design.model.states)}
         | {"D": np.zeros((m, H)), "moved": np.zeros((design.model.states + 1, H))}
         | {name: np.zeros(H) for name in ("J", "d", "size", "weight")}

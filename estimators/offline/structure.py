@@ -95,7 +95,7 @@ def measured(model: Model, torque: ArrayLike | None, period: float) -> list[tupl
     u = as_torque(torque)
     if not np.all(np.isfinite(u)) or not u.any():
         raise EstimatorError("torque must be from a run in which the axis moves, and not all 0")
-    A, B, _ = _matrices(model)
+    A, B, _ = matrices(model)
     fastest = float(max(abs(np.linalg.eigvals(A))))  # 1/s, even if the reference is slow
     result = []
     for law in model.laws:
@@ -111,7 +111,7 @@ def measured(model: Model, torque: ArrayLike | None, period: float) -> list[tupl
     return result
 
 
-def _matrices(model: Model) -> tuple[Array, Array, Array]:
+def matrices(model: Model) -> tuple[Array, Array, Array]:
     """Return A (n, n), B (n,) and C (n,) of a model without its laws; C is scaled to Σ|C_i| = 1."""
     linear = replace(model, laws=())
     one = linear.parametrize(linear.parameters[:1])
@@ -121,13 +121,13 @@ def _matrices(model: Model) -> tuple[Array, Array, Array]:
 
 def _impulse(model: Model) -> tuple[Array, float]:
     """Return an impulse (N,) and T [s]; all modes are excited, and nearly all decay within N T."""
-    A, _, _ = _matrices(model)
+    A, _, _ = matrices(model)
     return np.eye(1, SETTLED)[0], 1.0 / float(max(abs(np.linalg.eigvals(A))))
 
 
 def _respond(model: Model, B: Array, rows: Array, u: Array, period: float) -> Array:
     """Return rows @ x (m, N) for the states x of the linear model, driven from rest by B u (N,)."""
-    transition, gain = discretize(_matrices(model)[0], B[:, None], period)
+    transition, gain = discretize(matrices(model)[0], B[:, None], period)
     return respond(transition.copy(), gain[:, 0].copy(), rows, u).T
 
 
@@ -140,7 +140,7 @@ def state_sizes(model: Model, torque: ArrayLike | None, period: float) -> Array:
     """
     if torque is None:
         return np.array([NOMINAL_STATES.get(state, 0.0) for state in model.states])
-    A, B, _ = _matrices(model)
+    A, B, _ = matrices(model)
     moved = np.std(_respond(model, B, np.eye(len(A)), as_torque(torque), period), axis=1)
     integrates = ~np.any(A, axis=0)  # angles: no derivative depends on these states
     return np.where(integrates, 0.0, moved)
@@ -158,7 +158,7 @@ def _force(model: Model, law: Law, B: Array) -> float:
         if B[i] and acts[i]:
             return abs(float(B[i] / acts[i]))
     u, period = _impulse(model)
-    output = _matrices(model)[2][None]
+    output = matrices(model)[2][None]
     by_law, by_input = (np.std(_respond(model, b, output, u, period)) for b in (acts, B))
     return float(by_input / by_law) if by_law > 0 and by_input > 0 else 1.0
 
