@@ -27,6 +27,7 @@ from flexaxis.sim.scenario import Scenario
 
 Array = NDArray[np.float64]
 
+ENCODER = "encoder_fm_step-v1"
 DURATION = 12.0  # duration of the record [s], 2400 samples; the fault occurs at 10 s
 BEFORE_FAULT = slice(1000, 2000)
 GAP = slice(1200, 1300)
@@ -319,11 +320,12 @@ def check(spec: Spec, *, store: RecordCache | None = None) -> list[RuleResult]:
 
 
 def _subject(spec: Spec, store: RecordCache | None) -> Subject:
-    # the estimator may use the speed (first scenario) or the increment (second scenario)
-    for name in ("fm_step-v1", "encoder_fm_step-v1"):
-        scenario = find_scenario(name).override({"name": "check", "duration": DURATION})
+    # the estimator may use the speed, the angle of an encoder or its increments
+    for name, output in (("fm_step-v1", "speed"), (ENCODER, "angle"), (ENCODER, "increment")):
+        changes = {"name": "check", "duration": DURATION, "output": output}
+        scenario = find_scenario(name).override(changes)
         with suppress(EstimatorError):
             build(spec, scenario)
             break
-    # if `build` failed for both scenarios, `Subject` raises the error again
+    # if `build` failed for all of them, `Subject` raises the error again
     return Subject(spec, scenario, records(scenario, [0], store)[0])

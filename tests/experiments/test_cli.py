@@ -206,7 +206,7 @@ def test_what_show_prints_can_be_run(capsys, tmp_path):
     path.write_text(flexaxis(capsys, "show", path)[1], encoding="utf-8")
     assert find_scenario(str(path)).hash == mine.hash
     text = flexaxis(capsys, "show", "glr")[1]
-    assert "rate = 0.001" in text and "[1/s]" in text
+    assert "walk = 0.0007" in text and "[s]" in text
     assert "fm_double-v1" in flexaxis(capsys, "show", "smoke")[1]
 
 
