@@ -158,7 +158,7 @@ def compare(
 
 
 def look_seeds(seeds: Sequence[int], most: int) -> list[list[int]]:
-    """Return the seeds of each look: the number doubles from look to look, up to `most`.
+    """Return the seeds of each look; their number doubles from look to look, up to `most`.
 
     Examples
     --------

@@ -37,7 +37,8 @@ TEXTS = {
     # advice
     "unfair": "Not a fair comparison: the {0} also estimates {1}, for which the {2} uses nominal "
     "values. Estimating more parameters increases lag and noise with any method.",
-    "scenarios": "Compare on scenarios that both can run, and whose faults both estimate.",
+    "scenarios": "Compare the two on scenarios that both can run and whose faulty parameters both "
+    "estimate.",
     "seeds": "More seeds may give a verdict: --max-seeds.",
     "tuned": "Tuned to the {0} of rpem-forgetting: base {1}, candidate {2}.",
 }  # fmt: skip

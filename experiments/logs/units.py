@@ -85,7 +85,7 @@ def spelt(text: str, kind: str = "") -> str:
 
 
 def is_unit(text: str) -> bool:
-    """Return whether a text in brackets is a unit and not an index."""
+    """Return whether a string in brackets is a unit rather than an index."""
     return text != "1" and any(spelt(text) in t for t in (*UNITS.values(), (COUNTS,)))
 
 

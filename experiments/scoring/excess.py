@@ -26,8 +26,8 @@ def information(scenario: Scenario) -> Array | None:
     expectation is computed in steady state, for the scenario's reference and nominal parameters.
     The excess error is the increase of the prediction error due to a small error of θ̂, divided by
     the noise variance. The excess error depends neither on units nor on the choice of parameters.
-    The model is linear, so rows and columns for parameters of laws are zero. The result is None
-    without noise, or if `identify` contains only parameters of laws.
+    The model is linear, so rows and columns for parameters of nonlinear laws are zero. The result
+    is None without noise, or if `identify` contains only parameters of laws.
     """
     variance = noise_variance(scenario)
     if reads_encoder(scenario):  # predictors read the increments of an angle

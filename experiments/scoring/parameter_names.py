@@ -31,7 +31,7 @@ def true_theta(
 
 
 def nominal_theta(scenario: Scenario, names: Sequence[str]) -> NDArray[np.float64]:
-    """Return the values (p,) of estimated parameters before any fault."""
+    """Return the true values (p,) of the estimated parameters before any fault."""
     return true_theta(names, scenario.unchanged, scenario.parameter_names)
 
 

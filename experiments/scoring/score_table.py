@@ -212,7 +212,8 @@ SCORES: Mapping[str, Score] = {
         Score(
             "lost_before",
             lambda track, _: track.lost_before,
-            "Whether the run diverged before the end of the samples for std and bias.",
+            "Whether the run diverged before the end of the interval from which std and bias are "
+            "computed.",
             kind="truth",
         ),
         Score(
