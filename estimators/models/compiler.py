@@ -49,16 +49,10 @@ class Compiled:
         update_wrapper(self, function)
         self.name = function.__name__
         self.function, self.kept, self._options = function, kept, options
-        self._called: set[type] = set()
 
     def __call__(self, *arguments: Any) -> Any:
-        """Call the function, and compile it first if the type of the last argument is new."""
-        call, last = self.dispatcher if self.kept else self.function, type(arguments[-1])
-        if last in self._called or call is self.function:
-            return call(*arguments)
-        with _alone(self.name):
-            self._called.add(last)
-            return call(*arguments)
+        """Call the function, and compile it first if the types of the arguments are new."""
+        return (self.dispatcher if self.kept else self.function)(*arguments)
 
     def __reduce__(self) -> str:
         return self.name
@@ -71,7 +65,16 @@ class Compiled:
         if self.kept:
             options = {"nogil": True, "cache": cache_folder() is not None}
         options |= {"error_model": "numpy", "_nrt": False} | self._options
-        return numba.njit(**options)(self.function)
+        dispatcher = numba.njit(**options)(self.function)
+        if self.kept and dispatcher is not self.function:
+            build = dispatcher._compile_for_args  # numba calls it for each new signature
+
+            def build_alone(*arguments: Any) -> Any:
+                with _alone(self.name):
+                    return build(*arguments)
+
+            dispatcher._compile_for_args = build_alone
+        return dispatcher
 
 
 compiled = partial(Compiled, kept=True, _nrt=True)

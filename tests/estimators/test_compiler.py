@@ -90,6 +90,16 @@ def test_two_processes_at_once_compile_once(copy, tmp_path):
     assert len(list(cache.rglob("*.nbc"))) == 1
 
 
+@pytest.mark.slow
+def test_two_processes_keep_two_signatures(copy, tmp_path):
+    """Without a lock, both could be kept in one file, and a third process would take the wrong."""
+    programs = [PROGRAM, PROGRAM.replace("3.0", "3")]
+    for process in [start(copy, tmp_path, program) for program in programs]:
+        assert ended(process)[0] == "6.0"
+    assert len(list(tmp_path.rglob("*.nbc"))) == 2
+    assert ended(start(copy, tmp_path, ";".join(programs)))[0].split() == ["6.0", "6.0"]
+
+
 STEPS = """
 import sys
 import numpy as np
