@@ -8,6 +8,7 @@ block takes less time than passing fifty arrays. A filter is copied, pickled and
 from collections.abc import Callable, Mapping
 from copy import deepcopy
 from typing import Annotated, Any
+from zlib import crc32
 
 import numpy as np
 from numpy.typing import NDArray
@@ -117,6 +118,8 @@ def _view(dtype: np.dtype, dimensions: int) -> Callable:
             return (flat.reshape((a, b)),)
         return (flat.reshape((a, b, c)),)
 
+    # Cached functions are linked by name and type of the arguments, not by what they return.
+    view.__qualname__ = f"view_{dimensions}_{crc32(str(dtype).encode())}"
     return view
 
 

@@ -169,12 +169,7 @@ def benchmark(
     return Results(runner.store, results.study)
 
 
-def study(
-    definition: str | Path | dict[str, Any],
-    *,
-    folder: Place = None,
-    **work: Any,
-) -> Results:
+def study(definition: str | Path | dict[str, Any], *, folder: Place = None, **work: Any) -> Results:
     """Run a study, which sweeps keys of scenarios, faults and estimators.
 
     Parameters

@@ -177,7 +177,9 @@ def test_cogging_that_nobody_told_is_found_and_learnt():
     assert fault.ratio[0] == pytest.approx(1.5, rel=0.05)
 
 
-@pytest.mark.parametrize("scenario", ["fm_step-v1", "lugre_fm_step-v1"])
+@pytest.mark.parametrize(
+    "scenario", ["fm_step-v1", pytest.param("lugre_fm_step-v1", marks=pytest.mark.slow)]
+)
 def test_no_cogging_is_found_where_there_is_none(scenario):
     made, _, _ = tracked(scenario, until=1200)
     assert made.cogging == 0

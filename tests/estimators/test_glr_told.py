@@ -14,6 +14,7 @@ def signals(name):
     return record.torque, record.speed
 
 
+@pytest.mark.slow
 def test_a_gap_and_a_start_in_motion_do_no_harm():
     u, y = signals("coulomb_fm_step-v1")
     valid = np.ones(len(u), bool)

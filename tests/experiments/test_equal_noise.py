@@ -82,6 +82,7 @@ def test_an_estimator_against_itself_with_another_knob_is_the_same(short):
     assert lag(found)["change"] == 0
 
 
+@pytest.mark.slow
 def test_the_same_method_in_a_class_of_its_own_is_the_same(short):
     """Its knob has another name, scale and default: what is equal is the noise, not the number."""
     found = compared(Same, short)

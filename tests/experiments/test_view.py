@@ -13,6 +13,7 @@ from flexaxis.sim.errors import FlexaxisError
 HIDDEN = {"DISPLAY", "WAYLAND_DISPLAY", "MUJOCO_GL"}
 
 
+@pytest.mark.slow
 def test_a_picture_needs_no_display(tmp_path):
     target = tmp_path / "axis.png"
     code = f"import flexaxis as fx; print(fx.view('fm_step-v1', at=12, picture={str(target)!r}))"
