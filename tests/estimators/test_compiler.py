@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexaxis.estimators.models import compiler
+from flexaxis.estimators.models import compiler, memory
 from flexaxis.estimators.registry import REGISTRY
 
 PART = """
@@ -88,6 +88,13 @@ def test_two_processes_at_once_compile_once(copy, tmp_path):
     values, words = zip(*map(ended, [start(copy, cache), start(copy, cache)]), strict=True)
     assert values == ("6.0", "6.0") and "".join(words).count("compiling") == 1
     assert len(list(cache.rglob("*.nbc"))) == 1
+
+
+def test_each_kind_of_view_has_its_own_name():
+    """Numba links cached functions by name and argument types, not by what they return."""
+    kinds = [np.dtype(float), np.dtype(np.int64), np.dtype([("a", float), ("b", np.int64)])]
+    names = {memory._view(kind, n).__qualname__ for kind in kinds for n in (1, 2, 3)}
+    assert len(names) == 9
 
 
 @pytest.mark.slow
