@@ -1,7 +1,8 @@
-"""MJCF models of the plants, and their parameter sets.
+"""Provide the MJCF models of the plants and their parameter sets.
 
-Each model has a folder that contains its MJCF, a README, and further parameter sets as TOML files,
-which cite a source for each value. `model_files` returns the MJCF text and all files of a model.
+Each model has a folder with an MJCF file and a README. TOML files in the folder define more
+parameter sets and cite a source for each value. The function `model_files` returns the MJCF text
+and all files of a model.
 """
 
 from __future__ import annotations
@@ -17,18 +18,18 @@ DEFAULT = "three_mass"
 
 _FOUND = {f.name for f in files(__package__).iterdir() if (f / f"{f.name}.xml").is_file()}
 MODEL_NAMES = (DEFAULT, *sorted(_FOUND - {DEFAULT}))
-"""Names of the models. Each model is a folder next to this file, with an MJCF of the same name."""
+"""Names of the models; each model has a folder here, which contains an MJCF of the same name."""
 
 SHIPPED = {
     "three_mass": "29c0e25cfb28f417",
     "two_mass": "54100381ce3d6dc7",
 }
-"""Digests of the models as first published. If a model changes, so do the hashes of scenarios."""
+"""Digests of the published models; a different digest of a model changes scenario hashes."""
 
 
 @cache
 def model_digest(name: str) -> str:
-    """Return a digest (16 hex digits) of a model's MJCF; the errors are those of `model_files`.
+    """Return a digest (16 hex digits) of a model's MJCF; raise the same errors as `model_files`.
 
     The digest does not depend on comments, whitespace or line endings.
     """
@@ -49,12 +50,12 @@ def model_files(name: str) -> tuple[str, dict[str, bytes]]:
     xml : str
         The MJCF text of ``name/name.xml``.
     assets : dict of str to bytes
-        Contents of all files in the model's folder by file name, which MuJoCo's ``<include>`` uses.
+        Contents of all files in the model's folder, keyed by file name, for ``<include>`` in MJCF.
 
     Raises
     ------
     ValueError
-        If there is no such model.
+        If there is no model of this name.
 
     Examples
     --------
@@ -66,7 +67,7 @@ def model_files(name: str) -> tuple[str, dict[str, bytes]]:
         near = get_close_matches(name, MODEL_NAMES, n=1)
         hint = f" Did you mean {near[0]!r}?" if near else ""
         raise ValueError(f"unknown model {name!r}; models are {', '.join(MODEL_NAMES)}.{hint}")
-    # Use the import system to read the files, so that a package in a zip file works too.
+    # Read the files with the import system, so that the package also works in a zip file.
     folder = files(__package__) / name
     assets = {file.name: file.read_bytes() for file in folder.iterdir() if file.is_file()}
     return assets[f"{name}.xml"].decode(), assets

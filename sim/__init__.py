@@ -1,7 +1,8 @@
-"""Simulation of the axis; the modules of this package use the true parameters.
+"""Simulate the flexible axis in closed loop, using its true parameters.
 
-`scenario` defines a run, `simulate` simulates a scenario for a batch of seeds, and `record` defines
-the result: measured torque and motion, and the true values. `tables` defines the tables of a
-scenario, `conflicts` checks a scenario, `plant` contains the MuJoCo model and the control loop, and
-`files` reads and writes files. This package imports no estimator.
+The module `scenario` defines a run, and the module `simulate` runs a scenario for a batch of seeds.
+The result is a `record` with the measured torque, the measured motion and the true values. The
+package `tables` defines the tables of a scenario, and the module `conflicts` checks a scenario. The
+package `plant` contains the MuJoCo model and the control loop. The module `files` reads and writes
+files. No module of this package imports an estimator.
 """

@@ -1,4 +1,4 @@
-"""Check a scenario and report mistakes: first errors in single keys, then conflicts of keys."""
+"""Check a scenario: report errors in single keys first, then conflicts between keys."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ if TYPE_CHECKING:
     from flexaxis.sim.scenario import Scenario
 
 Problem = tuple[str, str]
-"""Dotted key, such as ``fault[0].at``, and the message about that key."""
+"""A problem of a scenario: a dotted key, such as ``fault[0].at``, and a message."""
 
 OF_THE_GEAR = ("backlash", "stiffening", "gear_friction", "load_friction")
-"""Names of the tables that require a gear spring."""
+"""Names of the scenario tables that require a model with a gear spring."""
 
 _KINDS = {"fault": kinds(Fault), "nuisance": kinds(Fault), "excitation": kinds(Excitation)}
 
-# These messages use TOML terms and replace messages of pydantic that use Python terms.
+# These messages use TOML terms. They replace messages of pydantic, which use Python terms.
 _WORDS = {
     "dict_type": "must be a table",
     "model_type": "must be a table",
@@ -64,7 +64,10 @@ def problems(error: ValidationError, top: type[Scenario]) -> list[str]:
 
 
 def explain(error: ValidationError, top: type[BaseModel]) -> Iterator[Problem]:
-    """Yield key and message of each pydantic error about a single key in a table of type `top`."""
+    """Yield the key and the message of each pydantic error that concerns a single key.
+
+    `top` is the class of the outermost table.
+    """
     for item in error.errors():
         if item["loc"]:
             yield _key(item["loc"]), _text(item, top)
@@ -73,8 +76,8 @@ def explain(error: ValidationError, top: type[BaseModel]) -> Iterator[Problem]:
 def _key(loc: Iterable[int | str]) -> str:
     """Convert a pydantic location to a dotted key.
 
-    For example, ("fault", 0, "step", "at") becomes ``fault[0].at``: the `kind` of a table, here
-    "step", is left out.
+    For example, ("fault", 0, "step", "at") becomes ``fault[0].at``. The dotted key does not contain
+    the `kind` of a table, which is "step" in this example.
     """
     key = ""
     for part in loc:
@@ -86,7 +89,7 @@ def _key(loc: Iterable[int | str]) -> str:
 
 
 def _text(item: Any, top: type[BaseModel]) -> str:
-    """Return the message for one of pydantic's errors."""
+    """Return the message for one pydantic error."""
     words = [part for part in item["loc"] if isinstance(part, str)]
     match item["type"]:
         case "missing":
@@ -104,7 +107,7 @@ def _text(item: Any, top: type[BaseModel]) -> str:
 
 
 def _known_keys(words: list[str], top: type[BaseModel]) -> Iterable[str]:
-    """Return the keys of the table at a location such as ``["fault", "step"]``."""
+    """Return the valid keys of the table at a location such as ``["fault", "step"]``."""
     if not words:
         return top.model_fields
     if words[0] in _KINDS:
@@ -117,7 +120,7 @@ def _known_keys(words: list[str], top: type[BaseModel]) -> Iterable[str]:
 def conflicts(scenario: Scenario) -> Iterator[Problem]:
     """Yield a problem for each value that contradicts another value or is not valid for the plant.
 
-    All values must already have the right type.
+    All values must already have valid types.
     """
     yield from _rate_problems(scenario)
     yield from _axis_problems(scenario)
@@ -127,7 +130,7 @@ def conflicts(scenario: Scenario) -> Iterator[Problem]:
             yield f"identify[{i}]", text
     yield from _known_problems(scenario)
     if scenario.controller.rate and scenario.feedback == "measured":
-        yield "controller.rate", 'an inner loop reads the clean angle: set feedback = "clean"'
+        yield "controller.rate", 'an inner loop reads the true angle: set feedback = "clean"'
     for table in ("fault", "nuisance"):
         for i, change in enumerate(getattr(scenario, table) or ()):
             for key, text in _change_problems(change, scenario):
@@ -145,7 +148,7 @@ def _rate_problems(scenario: Scenario) -> Iterator[Problem]:
                 yield key, words
     for key, text in getattr(scenario.excitation, "sampling_problems", lambda period: ())(period):
         yield f"excitation.{key}", text
-    if period == PERIOD:  # scenarios with this period are older than the check and may be unstable
+    if period == PERIOD:  # scenarios from before this check have this period and may be unstable
         return
     late = delay.measurement if scenario.feedback == "measured" else 0
     try:
@@ -164,7 +167,7 @@ def _axis_problems(scenario: Scenario) -> Iterator[Problem]:
         yield "preset", unknown("preset", scenario.preset, known)
     for table in OF_THE_GEAR if "k_g" not in names else ():
         if table in scenario.tables:
-            yield table, f"acts on a gear spring, but the model {scenario.model} has none"
+            yield table, f"acts on a gear spring, but the model {scenario.model} has no gear spring"
     for name, value in scenario.parameters.items():
         if name not in names:
             yield f"parameters.{name}", unknown("parameter", name, names)
@@ -184,11 +187,11 @@ def estimated_problems(
     Parameters
     ----------
     names : iterable of str
-        Names of the parameters to estimate, from the `identify` of a scenario or of an estimator.
+        Names of the parameters to estimate, such as `Scenario.identify`.
     scenario : Scenario
         Scenario in which the parameters are to be estimated.
     key : str
-        Key of `names`, which the messages quote.
+        Key that contains `names`; the messages begin with this key.
     besides : sequence of str
         Names that are allowed in addition to the parameters of the axis and their inverses.
     """
@@ -210,7 +213,7 @@ def estimated_problems(
 
 
 def _law_problem(name: str, scenario: Scenario) -> str | None:
-    """Return a message if the plant has no unique law parameter `name`, or None if it has one."""
+    """Return a message unless exactly one table of the plant defines the law parameter `name`."""
     having = [key for key, names in LAW_PARAMETERS.items() if name in names]
     tables = [key for key in having if key in scenario.tables]
     if having and not tables:
@@ -247,7 +250,7 @@ def _change_problems(change: Fault, scenario: Scenario) -> Iterator[Problem]:
 
 
 def _span_problems(change: Fault, period: float) -> Iterator[Problem]:
-    """Yield a problem for each time of a fault or nuisance that is shorter than one sample."""
+    """Yield a problem for each duration in a fault or nuisance that is shorter than one sample."""
     for key, about in type(change).model_fields.items():
         if A_SAMPLE in about.metadata and getattr(change, key) < period:
             text = f"must be at least one sample, {period:g} s, not {getattr(change, key):g}"
@@ -260,7 +263,7 @@ def _span_problems(change: Fault, period: float) -> Iterator[Problem]:
 
 
 def _changed_problems(change: Fault, scenario: Scenario) -> Iterator[Problem]:
-    """Yield a problem if the parameter cannot change, or cannot change by this factor."""
+    """Yield a problem if a fault's parameter cannot change, or cannot change by its factor."""
     known, parameter = changeable(parameter_names(scenario.model)), change.parameter
     law = meant(parameter)
     text = _law_problem(law, scenario) if parameter == law or law not in scenario.laws else None
@@ -283,7 +286,7 @@ def _changed_problems(change: Fault, scenario: Scenario) -> Iterator[Problem]:
 
 
 def _pause_problems(scenario: Scenario) -> Iterator[Problem]:
-    """Yield a problem for each pause after the end of the run and if `onset_spread` is too big."""
+    """Yield a problem for each pause after the end of the run, and for a large `onset_spread`."""
     duration, spread = scenario.duration, scenario.onset_spread
     pauses = getattr(scenario.excitation, "pause", ())
     for i, (begin, _) in enumerate(pauses):

@@ -1,4 +1,4 @@
-"""Error classes of the simulation, and spelling suggestions for unknown words."""
+"""Define the error classes of the simulation, and suggest known words for misspelt words."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class RecordError(FlexaxisError):
 
 
 class SimulationError(FlexaxisError):
-    """The physics engine issued a warning, or the state is not finite.
+    """The physics engine issued a warning, or a state is not finite.
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ class SimulationError(FlexaxisError):
     time : float
         Simulated time at the end of the failed step [s].
     reason : str
-        Cause of the failure, as the engine reports it.
+        Cause of the failure, such as a warning of the engine.
     """
 
     def __init__(self, message: str, run: int, time: float, reason: str) -> None:
@@ -65,7 +65,7 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
     ''
     """
     spelt = {name.lower(): name for name in known}
-    # in a file, `word` may be a number
+    # a `word` that was read from a file may be a number
     near = get_close_matches(str(word).lower(), spelt, n=1)
     return f" Did you mean {spelt[near[0]]!r}?" if near else ""
 

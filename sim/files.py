@@ -1,4 +1,4 @@
-"""Write files atomically, and read files; each error has a one-line message."""
+"""Write files atomically, and read files with clear error messages."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ toml_text: Callable[[dict[str, Any]], str] = partial(tomli_w.dumps, multiline_st
 
 @contextmanager
 def atomic(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Yield a temporary path, and replace `path` by the file at the temporary path at the end.
+    """Yield a temporary path, and move the file at the temporary path to `path` at the end.
 
-    The temporary file is in a hidden folder in the folder of `path`. If an exception occurs, the
-    exception is raised again and the old file remains unchanged.
+    The temporary file is in a hidden folder next to `path`. If an exception occurs, the old file
+    remains unchanged and the exception propagates.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ def read_text(path: Path, refuse: Refusal) -> str:
 
 
 def toml_tables(text: str, *, source: str, refuse: Refusal) -> dict[str, Any]:
-    """Return the tables of a TOML text; error messages name the text by `source`."""
+    """Return the tables of a TOML text; `source` is the name of the text in error messages."""
     try:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:
@@ -97,7 +97,7 @@ def toml_tables(text: str, *, source: str, refuse: Refusal) -> dict[str, Any]:
 
 
 def json_value(text: str | bytes, *, source: str, refuse: Refusal) -> Any:
-    """Return the value of a JSON text; error messages name the text by `source`."""
+    """Return the value of a JSON text; `source` is the name of the text in error messages."""
     try:
         return json.loads(text)
     except (ValueError, RecursionError) as error:

@@ -1,4 +1,4 @@
-"""Hashes of a scenario: of its content, of its random numbers and of its records."""
+"""Compute the hashes that identify a scenario's content, random numbers and records."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from flexaxis.models_mjcf import DEFAULT, SHIPPED, model_digest
 from flexaxis.sim.timing import PERIOD
 
 PLANT, CONTENT = "plant", "content"
-"""Values of `streams`.
+"""Values of the scenario key `streams`, which selects what determines the random numbers.
 
-With "plant", the key of the random numbers depends only on the part of the scenario that affects
-plant and sensors; with "content", it depends on the whole content.
+With "plant", the random numbers depend only on the part of the scenario that affects the plant and
+the sensors. With "content", the random numbers depend on the whole content of the scenario.
 """
 
 _WORDS = frozenset({"name", "card", "group", "difficulty", "preset"})
@@ -40,9 +40,9 @@ Streams = Annotated[str, AfterValidator(_a_key)]
 def content_hash(resolved: Mapping[str, Any]) -> str:
     """Return the SHA-256 (64 hex digits) of a resolved scenario without its descriptive keys.
 
-    The keys `streams`, `period` and `model` are left out if their values are "content", 5 ms and
-    the paper's axis, because scenarios with these values are older than the keys. The digest of the
-    MJCF is included if it differs from the published digest.
+    The hash excludes `streams`, `period` and `model` if their values are "content", 5 ms and the
+    paper's axis, because old scenarios do not have these keys. The hash includes the digest of the
+    MJCF if this digest differs from the published digest.
     """
     without = _WORDS | ({"streams"} if resolved["streams"] == CONTENT else set())
     return _digest({k: v for k, v in _told_apart(resolved).items() if k not in without})
@@ -60,24 +60,24 @@ def stream_key(resolved: Mapping[str, Any]) -> str:
 
 
 def record_hash(resolved: Mapping[str, Any]) -> str:
-    """Return the SHA-256 (64 hex digits) of everything that determines a record except the seed.
+    """Return the SHA-256 (64 hex digits) of everything except the seed that determines a record.
 
-    Two scenarios have the same record hash if they have the same key of the random streams and
-    differ only in keys that concern estimation and scoring.
+    Two scenarios have the same record hash if their random streams have the same key and the
+    scenarios differ only in keys that concern estimation and scoring.
     """
     return _digest(_seen(resolved) | {"key": stream_key(resolved)})
 
 
 def _seen(resolved: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the keys and values of a scenario that affect plant and sensors."""
+    """Return the keys and values of a scenario that affect the plant and the sensors."""
     return {key: value for key, value in _told_apart(resolved).items() if key not in _NOT_SEEN}
 
 
 def _told_apart(resolved: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a resolved scenario in the form that is hashed.
+    """Return the keys and values of a resolved scenario that its hashes may depend on.
 
-    The default values of `period` and `model` are left out. If the MJCF differs from the published
-    file, its digest is added.
+    The result does not contain default values of `period` and `model`. If the MJCF differs from the
+    published file, the result contains the digest of the MJCF.
     """
     usual, model = {"period": PERIOD, "model": DEFAULT}, resolved["model"]
     content = {key: value for key, value in resolved.items() if usual.get(key) != value}

@@ -1,4 +1,4 @@
-"""Set dotted keys of a scenario, such as ``fault[0].factor``, and append them to its name."""
+"""Override keys of a scenario, such as ``fault[0].factor``, and append them to its name."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def _keys(content: Any, key: str = "") -> list[str]:
 
 
 def suffix(changes: Mapping[str, Any]) -> str:
-    """Return the suffix that is appended to the name of a scenario with overridden keys.
+    """Return the suffix for the name of a scenario with overridden keys.
 
     Examples
     --------

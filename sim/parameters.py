@@ -1,4 +1,4 @@
-"""Names, units and nominal values of the parameters of an axis and of nonlinear laws."""
+"""Define names, units and nominal values of the parameters of an axis and its nonlinear laws."""
 
 from __future__ import annotations
 
@@ -20,13 +20,14 @@ _UNITS = {
 
 @cache
 def nominal_numbers(model: str) -> Mapping[str, float]:
-    """Return the names and nominal values of a model's parameters, which are read from its MJCF.
+    """Return the names and nominal values of a model's parameters from its MJCF.
 
     The torque constant ``k_T`` is the attribute `gear` of the motor. Each body has an inertia such
-    as ``J_m`` and a friction such as ``f_m``. Each tendon has a stiffness such as ``k_g`` and a
-    damping such as ``d_g``. The subscript is the first letter of the name of the body or tendon;
-    the subscript is left out if there is only one tendon. The gear ratio ``r`` is the coefficient
-    of the motor in the first tendon; the gear ratio is left out if it is 1.
+    as ``J_m`` and a friction coefficient such as ``f_m``. Each tendon has a stiffness such as
+    ``k_g`` and a damping coefficient such as ``d_g``. The subscript is the first letter of the name
+    of the body or tendon. The parameters of a single tendon have no subscript. The gear ratio ``r``
+    is the coefficient of the motor in the first tendon. A model whose gear ratio is 1 has no
+    parameter ``r``.
 
     The MJCF must describe a chain of bodies called motor, gear, arm or load, with a tendon between
     neighbours. The names of the tendons must start with different letters.
@@ -37,8 +38,8 @@ def nominal_numbers(model: str) -> Mapping[str, float]:
     def number(owner: ElementTree.Element, path: str, key: str) -> float:
         element = owner.find(path)
         if element is None or not (text := element.get(key)):
-            raise ParameterError(f"model {model}: {owner.get('name')} in its MJCF has no {key}.")
-        # the third inertia is the one about the z axis
+            raise ParameterError(f"model {model}: {owner.get('name')} has no {key} in the MJCF.")
+        # the third inertia is the inertia about the z axis
         return float(text.split()[2 * (key == "diaginertia")])
 
     values = {"k_T": number(root, "actuator/motor", "gear")}
@@ -75,17 +76,18 @@ PARAMETER_UNITS = {
     for model in MODEL_NAMES
     for name in parameter_names(model)
 }
-"""Units of the parameters of all models, keyed by name; those of the paper's axis come first."""
+"""Units of the parameters of all models, keyed by name; the paper's axis comes first."""
 
 DEFAULT_IDENTIFY = ("k_T", "1/J_a", "f_m")
 """Parameters that are estimated by default, as in the paper."""
 
 DATA_SHEET = {"poles": "1", "torque_limit": "N m", "noise": "unit of the output"}
-"""Units of further data-sheet values: the number of cogging periods per motor revolution, the
-torque limit of the drive, and the standard deviation of the measurement noise."""
+"""Units of other data-sheet values, keyed by name. `poles` is the number of cogging periods per
+motor revolution, `torque_limit` is the torque limit of the drive, and `noise` is the standard
+deviation of the measurement noise."""
 
 MAY_BE_ZERO = frozenset(name for name in PARAMETER_UNITS if name[0] in "df")
-"""Parameters that may be zero: dampings and frictions. All others must be positive."""
+"""Damping and friction coefficients, which may be zero; other parameters must be positive."""
 
 
 LAW_UNITS = {
@@ -104,8 +106,8 @@ LAW_UNITS = {
 The parameters are the Coulomb friction, the excess of the breakaway torque over the Coulomb
 friction, the Stribeck speed, the stiffness and damping of the bristles, the two inverse speeds of
 the static friction curve, the ratio of cubic to linear stiffness of the gear spring, and the width
-of the backlash gap on the arm side. In a record, their columns follow those of the axis in this
-order.
+of the backlash gap on the arm side. In a record, the columns of these parameters follow the columns
+of the axis parameters.
 """
 
 LAW_NAMES = tuple(LAW_UNITS)
@@ -115,7 +117,7 @@ LAW_MAY_BE_ZERO = frozenset({"f_c", "f_s"})
 """Names of the law parameters that may become zero during a run."""
 
 ESTIMATED_ONLY = ("c_sin", "c_cos")
-"""Parameters that an estimator may estimate but no record contains (cogging of unknown phase)."""
+"""Parameters of cogging with unknown phase, which only estimators have and records do not."""
 
 LAW_PARAMETERS: Mapping[str, tuple[str, ...]] = {
     "friction": ("f_c",),
@@ -128,8 +130,8 @@ LAW_PARAMETERS: Mapping[str, tuple[str, ...]] = {
 }
 """Names of the law parameters that each scenario table defines, keyed by table.
 
-The attribute `law` of the table contains their values. If a scenario has several tables with a
-parameter of the same name, the first table defines its value.
+The attribute `law` of a table contains the values of its parameters. If several tables of a
+scenario have a parameter of the same name, the first table defines its value.
 """
 
 FIXED = {"gap": "backlash", "kappa": "stiffening"}
@@ -157,9 +159,10 @@ def parameter_problem(name: str, value: float) -> str | None:
 
 
 class AxisParameters(Frozen):
-    """Physical parameters of an axis in SI units, keyed by name; each is also an attribute.
+    """Physical parameters of an axis in SI units, available as items and as attributes.
 
-    Values of the motor refer to the motor side, and values of the other masses to the arm side.
+    Motor parameters refer to the motor side. The parameters of the other masses refer to the arm
+    side.
 
     Parameters
     ----------
@@ -168,7 +171,7 @@ class AxisParameters(Frozen):
         constants k and damping coefficients d of the couplings, viscous frictions f, and the gear
         ratio r (gear angle over motor angle); see `nominal_numbers`.
     **more : float
-        Parameters as keyword arguments, which take precedence over `values`.
+        Parameters as keyword arguments, which override entries of `values`.
 
     Raises
     ------
@@ -218,10 +221,10 @@ class AxisParameters(Frozen):
 
 @cache
 def presets(model: str = DEFAULT) -> Mapping[str, Mapping[str, float]]:
-    """Return the named parameter sets of a model.
+    """Return the named parameter sets (presets) of a model, keyed by name.
 
     The preset "n1" contains the values of the MJCF. Each table of a TOML file in the model's folder
-    is another preset.
+    defines another preset.
     """
     texts = [text for name, text in sorted(model_files(model)[1].items()) if name.endswith(".toml")]
     tables = [tomllib.loads(text.decode()) for text in texts]
@@ -235,7 +238,7 @@ def preset(name: str, model: str = DEFAULT) -> AxisParameters:
     Raises
     ------
     ParameterError
-        If this model has no preset of that name.
+        If the model has no preset of this name.
 
     Examples
     --------
@@ -248,7 +251,7 @@ def preset(name: str, model: str = DEFAULT) -> AxisParameters:
 
 
 def meant(parameter: str) -> str:
-    """Return the standard name of the parameter of a fault: ``coulomb`` is an alias of f_c.
+    """Return the standard name of a fault's parameter; ``coulomb`` is an alias of f_c.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""A record: the measured signals of one run, the true values if known, and their origin."""
+"""Define the record of a run, which contains measured signals, true values and their origin."""
 
 from __future__ import annotations
 
@@ -23,24 +23,24 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-ROUNDING = 2e-7  # tolerance for an integer sampling rate (relative); no real clock is so exact
+ROUNDING = 2e-7  # relative tolerance for an integer sampling rate; real clocks are less exact
 
 OUTPUTS = ("speed", "increment", "angle")
-"""Names of the output signals; a record must contain at least one of these signals."""
+"""Names of the measured outputs; a record must contain at least one of these signals."""
 
 SIGNALS = {
     "time": ("s", "time of the sample"),
-    "torque": ("N m", "torque command, held from this sample to the next"),
-    "angle": ("rad", "motor angle as measured"),
-    "speed": ("rad/s", "motor speed as measured"),
-    "increment": ("rad/s", "difference of measured motor angles over the period"),
-    "true_speed": ("rad/s", "motor speed"),
-    "true_angle_m": ("rad", "motor angle"),
-    "true_angle_g": ("rad", "gear angle, arm side"),
-    "true_angle_a": ("rad", "arm angle"),
-    "true_angle_l": ("rad", "load angle"),
+    "torque": ("N m", "torque command, constant until the next sample"),
+    "angle": ("rad", "measured motor angle"),
+    "speed": ("rad/s", "measured motor speed"),
+    "increment": ("rad/s", "difference of successive measured motor angles divided by the period"),
+    "true_speed": ("rad/s", "true motor speed"),
+    "true_angle_m": ("rad", "true motor angle"),
+    "true_angle_g": ("rad", "true gear angle on the arm side"),
+    "true_angle_a": ("rad", "true arm angle"),
+    "true_angle_l": ("rad", "true load angle"),
 }
-"""Unit and description of each signal (N,), keyed by name."""
+"""Unit and description of each signal of a record, keyed by name."""
 
 _ATTRIBUTES: dict[str, Callable[[Any], Any]] = {
     "scenario": json.loads,
@@ -55,8 +55,8 @@ _ATTRIBUTES: dict[str, Callable[[Any], Any]] = {
 class Record:
     """The signals of one run, sampled at times t_k.
 
-    Output k is measured at t_k, and torque k acts on [t_k, t_{k+1}). The fields `time` and `torque`
-    and one of `speed`, `increment` and `angle` are required; the others may be None.
+    Output k is measured at t_k, and torque k acts on [t_k, t_{k+1}). A record must have `time`,
+    `torque`, and at least one of `speed`, `increment` and `angle`. The other fields may be None.
 
     Attributes
     ----------
@@ -68,8 +68,8 @@ class Record:
         Measured motor angle [rad], measured motor speed [rad/s], and difference of successive
         measured motor angles divided by the period [rad/s].
     true_speed, true_angle_m, true_angle_g, true_angle_a, true_angle_l : ndarray (N,), optional
-        True motor speed [rad/s], and true angles of motor, gear, arm and load [rad]; None for a
-        mass that the plant does not have.
+        True motor speed [rad/s], and true angles of motor, gear, arm and load [rad]. The angle of a
+        mass that the plant does not have is None.
     true_parameters : ndarray (N, P), optional
         True parameters that act on [t_k, t_{k+1}); column i contains `parameter_names[i]`.
     parameter_names : tuple of str
@@ -147,7 +147,7 @@ class Record:
         if self.valid is not None:
             data["valid"] = ("time", self.valid.astype(np.int8))
         if self.true_parameters is not None:
-            meaning = {"long_name": "true parameters that act from this sample to the next"}
+            meaning = {"long_name": "true parameters, constant until the next sample"}
             data["true_parameters"] = (("time", "parameter"), self.true_parameters, meaning)
             data["parameter"] = ("parameter", np.array(self.parameter_names, object))
         attributes = {"burn_in": self.burn_in, "hash": self.hash}
@@ -201,13 +201,14 @@ def load_record(path: str | os.PathLike[str]) -> Record:
     Returns
     -------
     Record
-        The record. If the file contains no variable for a field, the field has its default value,
-        in most cases None.
+        The record. A field without a variable in the file has its default value, which is None in
+        most cases.
 
     Raises
     ------
     RecordError
-        If the file is missing, broken or not a record, or if it contains invalid values.
+        If the file is missing or broken, if the file is not a record, or if it contains invalid
+        values.
     """
     import xarray
 
@@ -244,7 +245,7 @@ def _fields(file: xarray.Dataset) -> dict[str, Any]:
 
 
 def _parameters(file: xarray.Dataset) -> dict[str, Any]:
-    """Read the true parameters and their names, and sort the columns into our standard order."""
+    """Read the true parameters and their names, and sort the columns into the standard order."""
     if "parameter" not in file.variables:
         raise RecordError("variable 'parameter' with the names of the columns is missing.")
     names = [str(name) for name in file["parameter"].values]
@@ -300,5 +301,5 @@ def _check_grid(time: Array) -> None:
         k = int(np.argmax(uneven))
         raise RecordError(
             f"time is not evenly spaced: {steps[k]:.6g} s from sample {k} to {k + 1}, but usually "
-            f"{np.median(steps):.6g} s; resample, or mark gaps with valid = False."
+            f"{np.median(steps):.6g} s; resample the signals, or mark gaps with valid = False."
         )

@@ -1,4 +1,4 @@
-"""A scenario: everything that defines a run except its seed."""
+"""Define a scenario, which contains everything that defines a run except its seed."""
 
 from __future__ import annotations
 
@@ -49,8 +49,8 @@ class Scenario(Config):
     """Definition of a run: axis, reference, control loop, sensors and faults.
 
     Create a scenario with `load_scenario`, `parse_scenario` or `Scenario.override`. These functions
-    report all invalid keys at once; if every key is valid, they report all conflicts between keys.
-    docs/scenarios.md explains each key.
+    report all invalid keys at once. If every key is valid, they report all conflicts between keys.
+    The page docs/scenarios.md explains each key.
 
     Attributes
     ----------
@@ -59,17 +59,17 @@ class Scenario(Config):
     duration : float
         Length of the run [s].
     card, group : str, optional
-        Description of what the scenario tests, and group of the scenario in the catalogue.
+        Description of the purpose of the scenario, and group of the scenario in the catalogue.
     difficulty : {"easy", "medium", "hard"}, optional
         Difficulty for a good estimator.
     period : float
         Sampling period T [s] of controller and signals; 1/T is an integer.
     substeps : int, optional
-        Lower limit of the number of simulation steps per 5 ms. By default, the nonlinear effects of
-        the axis determine the number.
+        Smallest number of simulation steps per 5 ms. By default, the nonlinear effects of the axis
+        determine the number of steps.
     model, preset : str
-        Name of the plant, one of `flexaxis.models_mjcf.MODEL_NAMES`, and name of one of its
-        parameter sets.
+        Name of the plant model (see `flexaxis.models_mjcf.MODEL_NAMES`), and name of a parameter
+        set of this model.
     parameters : dict of str to float
         Parameter values that replace those of the preset [SI units].
     identify : tuple of str
@@ -77,27 +77,30 @@ class Scenario(Config):
     start : float
         Ratio of the initial estimate of each identified parameter to its nominal value.
     known : dict of str to float, optional
-        Values that estimators know. For a name in `DATA_SHEET`, the value itself; for a parameter
-        that is not estimated, the ratio of the known value to the true value. If the key `spread`
-        is set, each seed draws a random error for every parameter that is not estimated (`drawn`).
+        Prior knowledge of the estimators. An entry for a name in `DATA_SHEET` is the value itself.
+        An entry for a parameter that is not estimated is the ratio of the known value to the true
+        value. The entry `spread` gives every parameter that is not estimated a random error, which
+        depends on the seed (see `drawn`).
     output : {"speed", "increment", "angle"}
         Output signal that the estimators use.
     burn_in : float
         Length of the initial part of the run that is not scored [s].
     streams : str
-        Part of the scenario that determines the random numbers: "plant" (the part that affects
-        plant and sensors) or "content" (the whole scenario). The `key` of another scenario makes
-        both scenarios use the same random numbers.
+        Part of the scenario that determines the random numbers: "plant" (the part that affects the
+        plant and the sensors) or "content" (the whole scenario). If the value is the `key` of
+        another scenario, both scenarios use the same random numbers.
     feedback : {"clean", "measured"}
         Whether the controller reads the true motor angle or the measured motor angle.
     delay, noise, encoder, controller, excitation, fault
-        Tables of the sensors, the control loop, the reference and the faults.
+        Tables that define the sensors, the control loop, the reference and the faults.
     filter, friction, lugre, cogging, backlash, stiffening, saturation, optional
-        Tables of effects that the linear model does not describe: filter, friction, gear and drive.
+        Tables of effects in the sensors, the gear and the drive that the linear model does not
+        describe.
     onset_spread : float, optional
-        Largest random shift of faults and pauses [s]; the shift depends on the seed (`drawn`).
+        Largest random shift of faults and pauses [s]. The shift depends on the seed (see `drawn`).
     nuisance : tuple of Fault, optional
-        Changes of true parameters that do not count as faults; an alarm on them is a false alarm.
+        Changes of true parameters that do not count as faults. An alarm caused by such a change is
+        a false alarm.
     """
 
     name: Word
@@ -144,7 +147,7 @@ class Scenario(Config):
         return self
 
     def drawn(self, seed: int) -> Scenario:
-        """Return the scenario with the random values of a seed; see `sim.tables.events.drawn`."""
+        """Return this scenario with the random values of one seed (`sim.tables.events.drawn`)."""
         return drawn(self, seed) if self.onset_spread or self.spread else self
 
     @property
@@ -169,21 +172,21 @@ class Scenario(Config):
 
     @property
     def tables(self) -> dict[str, Any]:
-        """The tables of axis, control loop and sensors that this scenario uses, keyed by key.
+        """The tables of axis, control loop and sensors that this scenario uses, keyed by name.
 
-        Each table has the attributes `exact` (whether the linear model still describes the logged
-        signals) and `in_words` (a description).
+        The attribute `exact` of a table states whether the linear model describes the logged
+        signals despite the table. The method `in_words` describes the effect of the table.
         """
         return {k: v for k, v in self if isinstance(v, Config) and k != "excitation"}
 
     @property
     def nonlinear(self) -> dict[str, beyond.Nonlinearity]:
-        """The nonlinear tables of the plant, keyed by their key in the scenario."""
+        """The nonlinear tables of the plant, keyed by name."""
         return self._tables_of(beyond.Nonlinearity)
 
     @property
     def sensors(self) -> dict[str, sensing.Sensor]:
-        """The sensor tables, keyed by their key, in the order in which a signal passes them."""
+        """The sensor tables, keyed by name, in the order in which they process a signal."""
         return self._tables_of(sensing.Sensor)
 
     def _tables_of(self, kind: type) -> dict[str, Any]:
@@ -191,18 +194,18 @@ class Scenario(Config):
 
     @property
     def linear(self) -> bool:
-        """Whether the linear model, with the values that estimators know, describes the records."""
+        """Whether the linear model with the values known to estimators describes the records."""
         exact = all(table.exact for table in self.tables.values())
         return exact and not (self.known_factors or self.spread)
 
     @property
     def spread(self) -> float:
-        """Standard deviation of the logarithms of the random factors on known parameters."""
+        """Standard deviation of the logarithm of the random factor on each known parameter."""
         return (self.known or {}).get("spread", 0.0)
 
     @property
     def known_factors(self) -> dict[str, float]:
-        """Ratios of known values (with their errors) to true values, keyed by parameter."""
+        """Ratios of the values that estimators know to the true values, keyed by parameter."""
         besides = (*DATA_SHEET, "spread")
         return {name: x for name, x in (self.known or {}).items() if name not in besides}
 
@@ -213,7 +216,7 @@ class Scenario(Config):
 
     @cached_property
     def laws(self) -> dict[str, float]:
-        """Parameters of the plant's nonlinear laws before any fault, keyed by name."""
+        """Parameter values of the plant's nonlinear laws before any fault, keyed by name."""
         values: dict[str, float] = {}
         for table in self.nonlinear.values():  # the first table that defines a name has precedence
             values = table.law | values
@@ -221,12 +224,12 @@ class Scenario(Config):
 
     @cached_property
     def initial(self) -> dict[str, float]:
-        """Parameters before any fault, keyed by name: first of the plant, then of its laws."""
+        """Values of plant parameters and law parameters before any fault, keyed by name."""
         return Frozen(self.nominal.as_dict() | self.laws)
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """Names of the P parameters: those of the plant, then those of its laws."""
+        """Names of the P parameters: first the plant parameters, then the law parameters."""
         return tuple(self.initial)
 
     @property
@@ -235,47 +238,49 @@ class Scenario(Config):
         return np.array(list(self.initial.values()))
 
     def true_parameters(self) -> Array:
-        """Return the parameters (N, P) that act from each sample to the next."""
+        """Return the true parameters (N, P); row k applies from sample k to sample k + 1."""
         changes = (*self.fault, *(self.nuisance or ()))
         return np.column_stack([changed(x, n, changes, self.grid) for n, x in self.initial.items()])
 
     def excited(self) -> NDArray[np.bool_]:
-        """Return a boolean array (N,): whether the reference moves at each sample."""
+        """Return a boolean array (N,) that is True where the reference moves."""
         return self.excitation.excited(self.grid)
 
     def events(self) -> tuple[Event, ...]:
         """Return the changes of the true parameters caused by faults, in order of time.
 
-        A ramp is one event at its onset; an intermittent fault is one event at each jump. If
-        changes of the same parameter overlap, the size of each event is that of its own fault.
+        A ramp causes one event at its onset. An intermittent fault causes one event at each jump.
+        If several changes of the same parameter overlap, the size of each event is the size of its
+        own fault.
         """
         return find_events(self.fault, self.nuisance or (), self.grid, self.initial)
 
     @cached_property
     def hash(self) -> str:
-        """SHA-256 of the scenario's content without its name and description: 64 hex digits."""
+        """SHA-256 (64 hex digits) of the scenario's content without its name and description."""
         return identity.content_hash(self.resolved())
 
     @cached_property
     def key(self) -> str:
-        """Key of the random streams for `flexaxis.sim.streams.stream`: 64 hex digits."""
+        """Key (64 hex digits) of the random streams, for `flexaxis.sim.streams.stream`."""
         return identity.stream_key(self.resolved())
 
     @cached_property
     def record_hash(self) -> str:
-        """SHA-256 of everything that determines a record's signals except seed and repeat."""
+        """SHA-256 of everything except seed and repeat that determines a record's signals."""
         return identity.record_hash(self.resolved())
 
     def resolved(self) -> dict[str, Any]:
         """Return all keys and values of the scenario, including defaults and all parameter values.
 
-        Keys with the value None are left out, so that new optional keys do not change old hashes.
+        The result does not contain keys with the value None, so that new optional keys do not
+        change the hashes of old scenarios.
         """
         content = self.model_dump(mode="json", exclude_none=True)
         return content | {"parameters": self.nominal.as_dict()}
 
     def to_toml(self) -> str:
-        """Return `resolved` as TOML text; `parse_scenario` converts it into the same scenario."""
+        """Return all keys and values as TOML text, which `parse_scenario` reads."""
         return toml_text(self.resolved())
 
     def override(self, changes: Mapping[str, Any], *, inherit: bool = False) -> Scenario:
@@ -286,9 +291,9 @@ class Scenario(Config):
         changes : mapping of str to value
             New values, keyed by dotted key, such as ``{"start": 1.2, "fault[0].factor": 2.0}``.
         inherit : bool
-            Whether to keep the random numbers of this scenario. If the changes would lead to
-            different random numbers and do not set `streams`, then `streams` is set to the `key` of
-            this scenario.
+            Whether to keep the random numbers of this scenario. If the changes would affect the
+            random numbers and do not set `streams`, the method sets `streams` to the `key` of this
+            scenario.
 
         Raises
         ------
@@ -316,9 +321,9 @@ def scenario_from(content: Mapping[str, Any], *, source: str) -> Scenario:
     Parameters
     ----------
     content : mapping
-        Keys and values as read from a TOML file.
+        Keys and values, such as the content of a TOML file.
     source : str
-        Name of the file or other origin of the keys, for error messages.
+        Name of the file or of another origin of the keys, used in error messages.
 
     Raises
     ------
@@ -333,10 +338,10 @@ def scenario_from(content: Mapping[str, Any], *, source: str) -> Scenario:
 
 
 def parse_scenario(text: str, *, source: str = "scenario") -> Scenario:
-    """Make a scenario from TOML text; the errors are those of `scenario_from`."""
+    """Make a scenario from TOML text; raise the same errors as `scenario_from`."""
     return scenario_from(toml_tables(text, source=source, refuse=ScenarioError), source=source)
 
 
 def load_scenario(path: str | os.PathLike[str]) -> Scenario:
-    """Read a scenario from a TOML file; the errors are those of `scenario_from`."""
+    """Read a scenario from a TOML file; raise the same errors as `scenario_from`."""
     return parse_scenario(read_text(Path(path), ScenarioError), source=str(path))

@@ -1,4 +1,4 @@
-"""Simulate a scenario, which includes the plant and the control loop, for a batch of seeds."""
+"""Simulate the plant and the control loop of a scenario for a batch of seeds."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def simulate(
 ) -> list[Record]:
     """Simulate a scenario once for each seed, in one batch.
 
-    A record depends only on scenario, seed and repeat, not on the other seeds or their order.
+    A record depends only on its scenario, seed and repeat, not on the other seeds or their order.
 
     Parameters
     ----------
@@ -41,8 +41,8 @@ def simulate(
     seeds : sequence of int
         Seeds of the runs, integers of at least 0.
     repeat : int
-        Number of the repetition. Repetitions of a run have the same excitation and faults, but
-        different noise.
+        Index of the repetition. Repetitions of a run have the same excitation and the same faults,
+        but different noise.
 
     Returns
     -------
@@ -82,29 +82,29 @@ def tracked(
     *,
     samples: int | None = None,
 ) -> tuple[Array, NDArray[np.int64]]:
-    """Simulate several scenarios, each with an estimator in its loop.
+    """Simulate several runs, each with its own estimator in the control loop.
 
-    All runs have the same reference and the same noise, those of one seed.
+    All runs have the reference and the noise of one seed.
 
     Parameters
     ----------
     scenario : Scenario
-        Scenario that determines the random numbers.
+        Scenario that defines the random numbers.
     runs : sequence of Scenario
-        Scenario of each run; the scenarios differ only in their faults.
+        Scenario of each run; these scenarios differ only in their faults.
     seed : int
         Seed of the random numbers.
     followers : sequence of Follower or None
-        Estimator of each run, which supplies the estimates for the feed-forward, or None.
+        Estimator of each run, which provides the estimates for the feed-forward, or None.
     samples : int, optional
-        Number N of simulated samples; by default all samples of the scenario.
+        Number N of samples to simulate; by default all samples of the scenario.
 
     Returns
     -------
     error : ndarray (N, R)
         Reference minus true motor angle [rad].
     limited : ndarray (R,)
-        Number of samples in which a limit acted on the feed-forward, for each run.
+        Number of samples in each run in which a limit acted on the feed-forward.
 
     Raises
     ------
@@ -121,7 +121,7 @@ def tracked(
 
 
 def _white(scenario: Scenario, seeds: list[int], repeat: int, purpose: str) -> Array:
-    """Return white noise (N, R) of standard deviation 1 for one purpose."""
+    """Return white noise (N, R) with standard deviation 1 for one purpose."""
     purpose += f".{repeat}" if repeat else ""
     streams = [stream(scenario.key, seed, purpose) for seed in seeds]
     return np.column_stack([each.standard_normal(scenario.samples) for each in streams])
@@ -136,7 +136,7 @@ def _named(scenario: Scenario, seeds: list[int]) -> Iterator[None]:
         message = (
             f"{scenario.name}, seed {seeds[error.run]}: the simulation failed at "
             f"t = {error.time:.3f} s ({error.reason}). The axis is unstable, or too stiff for the "
-            "step of the integrator: check the gains, the parameters and the faults."
+            "integration step: check the gains, the parameters and the faults."
         )
         raise SimulationError(message, error.run, error.time, error.reason) from None
 
@@ -176,11 +176,11 @@ def record_of(scenario: Scenario, seed: int, signals: Mapping[str, Any]) -> Reco
 
 @cache
 def versions() -> dict[str, str]:
-    """Return the versions of Python and the packages that produce records, keyed by name."""
+    """Return the versions of Python and of the packages that produce records, keyed by name."""
     packages = ("flexaxis", "mujoco", "numpy")
     return {"python": platform.python_version()} | {name: version(name) for name in packages}
 
 
 def made_with(scenario: Scenario) -> dict[str, str]:
-    """Return the software versions and the digest of the MJCF, on which a record's bits depend."""
+    """Return the software versions and the MJCF digest, which affect the bits of a record."""
     return versions() | {"mjcf": model_digest(scenario.model)}

@@ -1,7 +1,7 @@
 """Check before a simulation whether the closed loop with the nominal linear axis is stable.
 
-The check uses the equations of motion M q̈ + D q̇ + K q = k_T u, in which q are the angles of the
-masses, and the controller, the period and the delays of a scenario.
+The check uses the equations of motion M q̈ + D q̇ + K q = k_T u, where q contains the angles of the
+masses. The check includes the controller, the sampling period and the delays of a scenario.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from flexaxis.sim.timing import TICK
 
 Array = NDArray[np.float64]
 
-GROWTH = 1e-6  # tolerance for rounding errors: relative growth of a mode per sample
+GROWTH = 1e-6  # relative growth of a mode per sample that rounding errors can cause
 
 
 def loop_problem(
@@ -54,15 +54,15 @@ def loop_problem(
     )
 
 
-@lru_cache(maxsize=256)  # a sweep makes many scenarios with the same loop
+@lru_cache(maxsize=256)  # a sweep contains many scenarios with the same loop
 def _radius(
     parameters: AxisParameters, config: ControllerConfig, period: float, torque: int, late: int
 ) -> float:
     """Return the factor by which the fastest-growing mode of the closed loop grows per sample.
 
-    The joint state consists of the states of the controller, the plant and the delays. The function
-    simulates one sample from each unit vector of the joint state, which yields the transition
-    matrix. The result is the largest absolute eigenvalue of this matrix.
+    The joint state consists of the states of the controller, the plant and the delays. A simulation
+    of one sample from each unit vector of the joint state gives the transition matrix. The result
+    is the largest absolute value of an eigenvalue of this matrix.
     """
     if config.rate:
         period = TICK

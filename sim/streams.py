@@ -1,4 +1,4 @@
-"""Random numbers that depend on their purpose, and not on the order in which they are drawn."""
+"""Provide random numbers that depend on their purpose and not on the order of the draws."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The sampling times of a run, t_k = k T."""
+"""Compute the sampling times t_k = k T of a run."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ PERIOD = 0.005
 SHORTEST, LONGEST = 0.001, 0.01
 """Limits of the sampling period of a scenario [s].
 
-A period below the engine's step of 1 ms adds no information about the linear axis. With a period
-above 10 ms, the natural frequencies of the nominal axes (up to 24 Hz) are close to half the
-sampling rate.
+A sampling period below the engine's step of 1 ms adds no information about the linear axis. With a
+sampling period above 10 ms, the natural frequencies of the nominal axes (up to 24 Hz) are close to
+half the sampling rate.
 """
 
 TICK = 0.001
-"""Time step within a sample [s]: the period of inner loops and the resolution of torque delays."""
+"""Period of inner control loops and resolution of torque delays [s]."""
 
 
 def rate(period: float) -> int:
@@ -34,7 +34,7 @@ def sample_index(time: float, period: float) -> int:
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """The samples at which time-varying parameters and references are evaluated.
+    """A grid of samples at which time-varying parameters and references are evaluated.
 
     Attributes
     ----------
@@ -56,8 +56,8 @@ class Grid:
     def times(self) -> NDArray[np.float64]:
         """Times (M,) of the samples [s].
 
-        The times are computed as k divided by the sampling rate, and not as k times T, so that
-        ``Grid.first(N, .005).times[2060]`` is exactly the float ``10.3``.
+        The method divides k by the sampling rate instead of multiplying k by T. As a result,
+        ``Grid.first(N, 0.005).times[2060]`` is exactly the float ``10.3``.
         """
         return self.k / rate(self.period)
 

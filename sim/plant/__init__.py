@@ -1,5 +1,5 @@
 """The axis in MuJoCo and the control loop around it.
 
-The modules in this package simulate a batch of runs sample by sample. They take the parameters and
-nonlinear laws of a scenario, and compute angles, speeds and torques.
+The modules in this package simulate a batch of runs sample by sample. They use the parameters and
+the nonlinear laws of a scenario to compute angles, speeds and torques.
 """

@@ -1,9 +1,9 @@
-"""Friction laws that MuJoCo does not provide, implemented as one compiled callback.
+"""Implement friction laws that MuJoCo does not provide as one compiled callback.
 
-MuJoCo allows a single callback for passive forces per process, and calls the function whenever it
-computes these forces. Our callback looks for rows of friction parameters among the custom numbers
-of the model (see `sim/tables/friction.py`). Each run of a batch has its own rows. The callback does
-not affect models without such rows.
+MuJoCo allows one callback for passive forces per process, and calls this function whenever it
+computes the passive forces. Our callback looks for rows of friction parameters among the custom
+numbers of the model (see `sim/tables/friction.py`). Each run of a batch has its own rows. The
+callback does not affect models without such rows.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from flexaxis.sim.tables.friction import COMPILED_LAWS, MARK, WIDTH
 
 _LOCK = Lock()
 _SEARCHED = 1 << 18  # number of bytes to search at the start of an engine structure
-_NUMBERS = 7919  # number of custom numbers in the probe model; no other size in it is equal
+_NUMBERS = 7919  # number of custom numbers in the probe model; no other size has this value
 
 
 def install() -> None:
-    """Install our callback in MuJoCo; the first call compiles the callback in about 1 s.
+    """Install our callback in MuJoCo; the first call also compiles the callback (about 1 s).
 
     Raises
     ------
@@ -36,7 +36,7 @@ def install() -> None:
         ours, present = _compiled().ctypes, mujoco.get_mjcb_passive()
         if present is not None and present is not ours:
             raise SimulationError(
-                "another passive callback of MuJoCo is installed, and a process can have only one: "
+                "MuJoCo has another passive callback, and a process can have only one: "
                 "remove it with mujoco.set_mjcb_passive(None) before you simulate plants with "
                 "friction laws, or simulate them in a separate process.",
                 run=0, time=0.0, reason="passive callback in use",

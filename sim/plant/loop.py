@@ -34,7 +34,7 @@ class Truth:
     angles : ndarray (N, R, n)
         True angles of the n masses [rad].
     limited : ndarray (R,)
-        Number of samples in which a limit acted on the feed-forward, for each run.
+        Number of samples in each run in which a limit acted on the feed-forward.
     """
 
     torque: Array
@@ -59,8 +59,8 @@ def closed_loop(
     reference : ndarray (N, R)
         Desired motor angle [rad].
     white : callable
-        Function that takes the purpose of the noise and returns white noise (N, R) of standard
-        deviation 1. It is used for the torque, and for the sensor signals that the loop reads.
+        Function that takes the purpose of the noise and returns white noise (N, R) with standard
+        deviation 1. The loop adds noise to the torque and to the sensor signals that it reads.
     followers : sequence of Follower or None
         Estimator of each run, used only if the controller has a feed-forward. By default, no run
         has an estimator.
@@ -100,7 +100,7 @@ def closed_loop(
 
 
 class Changes:
-    """Changes of the plant's parameters over time; each run has its own scenario."""
+    """Changes of the plant's parameters during a batch of runs; each run has its own scenario."""
 
     def __init__(self, scenarios: Sequence[Scenario]) -> None:
         known = {s.hash: s.true_parameters() for s in scenarios}
@@ -122,12 +122,12 @@ class Changes:
 
 
 def _changing(values: Array) -> set[int]:
-    """Return the indices of the samples at which any of the values (N, …) changes."""
+    """Return the indices k of the samples at which at least one of the values (N, …) changes."""
     return {int(k) for k in np.flatnonzero(np.diff(values, axis=0).any(axis=(1, 2))) + 1}
 
 
 def plant_of(scenario: Scenario, runs: int = 1, ticks: int = 1) -> Plant:
-    """Return the plant of a scenario, at rest and with the parameter values before any fault.
+    """Return the plant of a scenario at rest, with the parameter values before any fault.
 
     Parameters
     ----------
@@ -154,7 +154,8 @@ class _Drive:
     Attributes
     ----------
     disturbance : ndarray (R,) or None
-        Torque that is added to the commands of this sample [N m]; the log does not contain it.
+        Disturbance torque of this sample [N m], which is added to the commands. The log does not
+        contain the disturbance.
     feed : callable or None
         Function that takes the feedback command (R,) of this sample [N m] and returns the command
         including the feed-forward.

@@ -1,4 +1,4 @@
-"""Simulate the axis in MuJoCo: a batch of runs with parameters that can change at each sample."""
+"""Simulate a batch of axes in MuJoCo; the parameters can change at each sample."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ _KINDS = {"dof": "joint", "actuator": "actuator"}
 def quiet() -> Iterator[None]:
     """Keep the engine from printing warnings or writing them to a file in the user's folder.
 
-    The engine still counts its warnings, and `Plant.step` turns them into errors. The setting
-    applies to the whole process.
+    The engine still counts its warnings, and `Plant.step` raises an error if there are any. The
+    setting applies to the whole process.
     """
     before, silent = mujoco.MjLogConfig.get(), mujoco.MjLogConfig.get()
     silent.logto_console = silent.logto_file = False
@@ -70,7 +70,7 @@ class Plant:
         Current angles and speeds of the n masses [rad, rad/s]. These arrays are views of the
         engine's state and change with each step; copy the arrays to keep their values.
     angle_m, speed_m : ndarray (R,)
-        Current angle and speed of the motor [rad, rad/s]; these arrays are views too.
+        Current angle and speed of the motor [rad, rad/s]. These arrays are views, too.
 
     Raises
     ------
@@ -107,10 +107,11 @@ class Plant:
         self.set_parameters(parameters)
 
     def set_parameters(self, parameters: Sequence[AxisParameters] | Array) -> None:
-        """Change the parameters of the runs from now on, without changing angles and speeds.
+        """Change the parameters of the runs without changing the current angles and speeds.
 
-        If the inertia of a body changes, the body keeps its speed, and its momentum changes. This
-        corresponds to picking up or dropping a load that moves at the same speed.
+        If the inertia of a body changes, the speed of the body stays the same and its momentum
+        changes. Such a change corresponds to picking up or dropping a load that moves at the same
+        speed.
 
         Parameters
         ----------
@@ -120,7 +121,7 @@ class Plant:
         Raises
         ------
         ParameterError
-            If a parameter is not physical; in this case nothing is changed.
+            If a parameter is not physical. In this case, no parameter changes.
         """
         rows = [[*p.values()] if isinstance(p, AxisParameters) else p for p in parameters]
         values = np.array(rows, dtype=float)
@@ -139,13 +140,13 @@ class Plant:
         self._values = values
 
     def set_law(self, name: str, values: float | Array) -> None:
-        """Change a parameter of a nonlinear law from now on, such as the Coulomb friction f_c.
+        """Change a parameter of a nonlinear law, such as the Coulomb friction f_c.
 
         Parameters
         ----------
         name : str
-            Name of a parameter of a law in `nonlinear`. If several laws have a parameter of this
-            name, the parameter of the first law changes.
+            Name of a parameter of one of the nonlinear laws. If several laws have a parameter of
+            this name, only the parameter of the first law changes.
         values : float or ndarray (R,)
             New value for all runs, or one new value per run.
         """
@@ -192,16 +193,16 @@ def _compile(model: str, timestep: float, nonlinear: Sequence[Nonlinearity]) -> 
     for feature in nonlinear:
         feature.build(spec)
     if not any(isinstance(feature, FrictionConfig) for feature in nonlinear):
-        # Only Coulomb friction is a constraint. Without it, skip the search for constraints, which
-        # takes 1/12 of the computing time of a step.
+        # Only Coulomb friction is a constraint. Without Coulomb friction, skip the search for
+        # constraints, which takes 1/12 of the computing time of a step.
         spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
     return spec.compile()
 
 
 def _parameter_places(batch: Any, names: Sequence[str]) -> Iterator[Array]:
-    """Yield the engine's array (R, ...) that contains each parameter.
+    """Yield, for each parameter, the engine's array (R, ...) that contains its values.
 
-    The order of the parameters of one kind is the order of the bodies or tendons.
+    Parameters of one kind are in the order of the bodies or the tendons.
     """
     seen = Counter({"J": 1})  # the first body is the world
     for name in names:
@@ -226,7 +227,7 @@ def _place(batch: Any, model: Any, place: Place) -> Array:
 
 
 class _LawInEngine:
-    """A nonlinear law of the plant: its parameter values and their places in the engine."""
+    """Parameter values of a nonlinear law, and their locations in the engine."""
 
     def __init__(self, batch: Any, model: Any, law: Nonlinearity) -> None:
         self.values: dict[str, float | Array] = dict(law.law)

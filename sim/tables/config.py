@@ -1,4 +1,4 @@
-"""Base class and value types of all scenario tables."""
+"""Define the base class and the value types of all scenario tables."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 
 class Config(BaseModel):
-    """A table of a scenario: immutable, with strictly checked types; unknown keys are errors."""
+    """Immutable table of a scenario, with strict checks of types and no unknown keys."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
 
 class Frozen(dict[str, float]):
-    """An immutable dict of numbers; a hash computed from the numbers therefore remains valid."""
+    """An immutable dict of numbers, so that a hash computed from the numbers remains valid."""
 
     __slots__ = ()
 
@@ -30,16 +30,16 @@ class Frozen(dict[str, float]):
 
 Values = Annotated[dict[str, float], AfterValidator(Frozen)]
 LARGEST = 1e9
-"""Largest allowed value of any quantity in SI units; a larger value is likely in a wrong unit."""
+"""Largest allowed value of any quantity in SI units; a larger value probably has a wrong unit."""
 
 Word = Annotated[str, Field(pattern=r"^[^\s/\\\p{Cc}\p{Cf}]+$")]
-"""A name without blanks, slashes and control characters, which can be used as a file name."""
+"""Name without blanks, slashes or control characters, so that it can be a file name."""
 
 Positive = Annotated[float, Field(gt=0, le=LARGEST)]
 NotNegative = Annotated[float, Field(ge=0, le=LARGEST)]
 
 
 def kinds(union: Any) -> dict[str, type[BaseModel]]:
-    """Return the table classes of a union such as ``Fault``, keyed by their ``kind``."""
+    """Return the table classes in a union such as ``Fault``, keyed by ``kind``."""
     tables = get_args(get_args(union)[0])
     return {table.model_fields["kind"].default: table for table in tables}

@@ -1,4 +1,4 @@
-"""The controller, which computes the torque command from the reference and the motor angle."""
+"""Compute the torque command of the controller from the reference and the motor angle."""
 
 from __future__ import annotations
 
@@ -28,13 +28,14 @@ class ControllerConfig(Config):
     tau : float
         Time constant of the low-pass filter of the speed error [s]; 0 means no filter.
     rate : {1000}, optional
-        Rate of an inner control loop [Hz]; by default the controller runs at the sampling rate. An
-        inner loop interpolates the reference linearly between samples.
+        Rate of an inner control loop [Hz]. By default, the controller runs at the sampling rate.
+        An inner loop interpolates the reference linearly between samples.
     log : {"mean", "sample"}, optional
-        Logged torque of an inner loop: the mean of its commands in each sample (default), or its
-        command at the start of the sample.
+        Torque that is logged for an inner loop: the mean of the commands in each sample (default),
+        or the command at the start of the sample.
     adapt : AdaptConfig, optional
-        Settings of the feed-forward, which uses the estimates of an estimator if a run has one.
+        Settings of the feed-forward. If a run has an estimator, the feed-forward uses its
+        estimates.
     """
 
     Kp: NotNegative = 4.0
@@ -60,7 +61,7 @@ class ControllerConfig(Config):
 
     @property
     def exact(self) -> bool:
-        """Whether the logged torque acts unchanged during the whole sample."""
+        """Whether the acting torque equals the logged torque during the whole sample."""
         return self.rate is None
 
     def logged(self, commands: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
@@ -80,7 +81,7 @@ class ControllerConfig(Config):
 class Controller:
     r"""Cascaded position and speed controller with integral action, for a batch of runs.
 
-    With the position error e = reference − angle, the command u in sample k is
+    The position error is e = reference − angle. The command u in sample k is
 
     .. math::
 
@@ -106,8 +107,8 @@ class Controller:
         State before sample k: :math:`e_{k-1}, v_{k-1}, I_{k-1}`.
     """
 
-    # The controller uses only elementwise operations, so that the bits of its results do not depend
-    # on the number of runs.
+    # The controller uses only elementwise operations. Therefore the bits of its results do not
+    # depend on the number of runs.
     def __init__(self, config: ControllerConfig, runs: int, *, period: float) -> None:
         pole = math.exp(-period / config.tau) if config.tau > 0 else 0.0
         self._pole, self._rate = pole, (1 - pole) / period

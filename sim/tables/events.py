@@ -1,4 +1,4 @@
-"""Changes of parameters during a run, and values of a scenario that are drawn for each seed."""
+"""Compute parameter changes during a run, and draw the random values of a scenario for a seed."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ class Event:
     index : int
         Index of the first sample with a changed value.
     before, after : float
-        Values of the parameter before the change and after its completion, without the effect of
-        other changes of the same parameter that occur meanwhile (see `find_events`).
+        Values of the parameter before the change and after its completion. The value after the
+        change ignores other changes of the same parameter that are in progress (see `find_events`).
     """
 
     parameter: str
@@ -43,9 +43,10 @@ class Event:
 
 
 def changed(nominal: float, name: str, changes: Iterable[Fault], grid: Grid) -> Array:
-    """Return a parameter (N,) over time: its nominal value times the factors of its changes.
+    """Return the values (N,) of a parameter over time.
 
-    `changes` may contain changes of other parameters; only those of the parameter `name` count.
+    Each value is the nominal value times the factors of all changes of the parameter `name`. The
+    function ignores changes of other parameters.
     """
     factors = (change.factor_at(grid) for change in changes if meant(change.parameter) == name)
     return math.prod(factors, start=np.full(len(grid.k), nominal))
@@ -59,10 +60,10 @@ def find_events(
 ) -> tuple[Event, ...]:
     """Return the changes caused by faults, in order of time.
 
-    An event is the joint effect of all faults of one parameter that begin at the same sample.
-    `before` is the true value at the previous sample. `after` is the value after these faults are
-    complete, computed as if every other change of the parameter (fault or nuisance) kept the factor
-    that it had at the previous sample. Therefore after/before is the factor of the fault, even if
+    An event is the joint effect of all faults of one parameter that begin at the same sample. The
+    value `before` is the true value at the previous sample. The value `after` is the value after
+    completion of these faults, if every other change of the parameter (fault or nuisance) kept its
+    factor from the previous sample. Therefore after/before is the factor of the fault, even if
     another change of the parameter is in progress.
 
     Parameters
@@ -101,7 +102,7 @@ def find_events(
 def drawn(scenario: Scenario, seed: int) -> Scenario:
     """Return the scenario of one seed, with random onsets and random errors of known values.
 
-    The result has the same name and the same random numbers as `scenario`, but its own hash.
+    The result has the same name and the same random numbers as `scenario`, but a different hash.
     """
     runs: dict[int, Scenario] = scenario.__dict__.setdefault("_drawn", {})
     if seed not in runs:
@@ -113,11 +114,11 @@ def drawn(scenario: Scenario, seed: int) -> Scenario:
 
 
 def _known(scenario: Scenario, seed: int) -> dict[str, float]:
-    """Return the table `known` of a scenario for one seed, without its `spread`.
+    """Return the table `known` of a scenario for one seed, without the key `spread`.
 
-    Every parameter that is not identified gets its own random factor exp(spread z) with a standard
-    normal z; only the gear ratio is known exactly. The factors are independent of each other and do
-    not change the plant.
+    Every parameter that is not identified, except the gear ratio, gets an independent random factor
+    exp(spread z), where z is standard normal. The factors do not change the plant. The gear ratio
+    is known exactly.
     """
     exact = {"r", *DATA_SHEET, *(name.removeprefix("1/") for name in scenario.identify)}
     known = dict.fromkeys(sorted(scenario.nominal.keys() - exact), 1.0) | scenario.known_factors
@@ -128,17 +129,17 @@ def _known(scenario: Scenario, seed: int) -> dict[str, float]:
 
 
 def first_onset(scenario: Scenario) -> int:
-    """Return the sample at which the first fault begins; a fault with factor 1 counts too."""
+    """Return the index of the sample at which the first fault begins, even if its factor is 1."""
     return min(scenario.grid.index(fault.at) for fault in scenario.fault)
 
 
 def _moved(scenario: Scenario, seed: int) -> dict[str, Any]:
-    """Return the new values of the keys that depend on the random onset, keyed by dotted key.
+    """Return new values for the keys that depend on the random onset, keyed by dotted key.
 
     All faults and pauses shift by the same time, so the intervals between them do not change.
-    Nuisances do not shift. The shift is drawn uniformly from -`onset_spread` to +`onset_spread` in
-    steps of one sample. If the reference moves (or rests) at the nominal time of the first fault,
-    the reference also moves (or rests) at the shifted time.
+    Nuisances do not shift. The shift is uniformly distributed from -`onset_spread` to
+    +`onset_spread`, in steps of one sample. If the reference moves (or rests) at the nominal time
+    of the first fault, the reference also moves (or rests) at the shifted time.
 
     Parameters
     ----------

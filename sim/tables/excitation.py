@@ -1,4 +1,4 @@
-"""Reference signals of the motor angle."""
+"""Generate reference signals for the motor angle."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ Interval = Annotated[tuple[NotNegative, float], Field(strict=False)]
 
 
 class Multisine(Config):
-    """A sum of sinusoids: all DFT lines in a band, with equal amplitudes and random phases.
+    """A sum of sinusoids at all DFT lines in a band, with equal amplitudes and random phases.
 
-    During a pause the reference keeps its last value, and the clock of the signal stops. The signal
+    During a pause, the reference keeps its last value and the clock of the signal stops. The signal
     therefore resumes without a jump.
 
     Attributes
     ----------
     low, high : float
-        Lowest and highest frequency of the band, both included [Hz].
+        Lowest and highest frequency in the band [Hz].
     period : float
-        Period of the signal [s]; its inverse is the spacing of the lines.
+        Period of the signal [s]. The inverse of the period is the spacing of the lines.
     rms : float
         Root mean square of the reference in one period [rad on the motor side].
     pause : tuple of (float, float)
@@ -71,7 +71,7 @@ class Multisine(Config):
         return range(first, int(np.floor(self.high * self.period + slack)) + 1)
 
     def sampling_problems(self, period: float) -> Iterator[tuple[str, str]]:
-        """Yield (key, message) for each key that is incompatible with a sampling period [s]."""
+        """Yield (key, message) for each key that is incompatible with the sampling period [s]."""
         if self.high * period >= 0.5:
             yield "high", f"must be below half the sampling rate, {0.5 / period:g} Hz"
         if abs(self.period / period - sample_index(self.period, period)) > 1e-6:
@@ -86,13 +86,13 @@ class Multisine(Config):
         return signal * (self.rms / np.sqrt(np.mean(signal**2)))
 
     def reference(self, grid: Grid, rng: np.random.Generator) -> Array:
-        """Return the reference (N,) [rad] at the samples; an initial pause has the value 0."""
+        """Return the reference (N,) [rad]; the reference is 0 during an initial pause."""
         signal = self.one_period(rng, grid.period)
         clock = np.cumsum(self.excited(grid)) - 1
         return np.where(clock < 0, 0.0, signal[clock % signal.size])
 
     def excited(self, grid: Grid) -> NDArray[np.bool_]:
-        """Return a boolean array (N,): whether the reference moves at each sample."""
+        """Return a boolean array (N,) that is True where the reference moves."""
         moves = np.ones(grid.k.size, dtype=bool)
         for begin, end in self.pause:
             moves &= (grid.k < grid.index(begin)) | (grid.k >= grid.index(end))
@@ -105,13 +105,13 @@ class Multisine(Config):
 
 
 class Moves(Config):
-    """Minimum-jerk moves from point to point with a rest after each move, as in a work cycle.
+    """Minimum-jerk moves from point to point with a rest after each move, as in a robot's cycle.
 
     Attributes
     ----------
     reach : float
-        Largest absolute value of a target [rad on the motor side]. The targets are drawn uniformly
-        from ±reach; the first move starts at 0.
+        Largest absolute value of a target [rad on the motor side]. The targets are uniformly
+        distributed between -reach and reach. The first move starts at 0.
     move : float
         Duration of each move [s].
     dwell : float
@@ -124,7 +124,7 @@ class Moves(Config):
     dwell: NotNegative = 0.2
 
     def reference(self, grid: Grid, rng: np.random.Generator) -> Array:
-        """Return the reference (N,) [rad] at the samples; the targets are drawn from `rng`."""
+        """Return the reference (N,) [rad]; the generator `rng` determines the targets."""
         cycle, done = self._clock(grid)
         drawn = rng.uniform(-self.reach, self.reach, int(cycle.max()) + 1)
         targets = np.concatenate([[0.0], drawn])
@@ -132,7 +132,7 @@ class Moves(Config):
         return (1 - part) * targets[cycle] + part * targets[cycle + 1]
 
     def excited(self, grid: Grid) -> NDArray[np.bool_]:
-        """Return a boolean array (N,): whether the reference moves at each sample."""
+        """Return a boolean array (N,) that is True where the reference moves."""
         return self._clock(grid)[1] < 1
 
     def in_words(self) -> str:
@@ -147,16 +147,16 @@ class Moves(Config):
 
 
 class Standstill(Config):
-    """A reference that is zero throughout the run: the axis is held at its initial position."""
+    """A reference that is zero throughout the run, so that the axis keeps its initial position."""
 
     kind: Literal["standstill"] = "standstill"
 
     def reference(self, grid: Grid, rng: np.random.Generator) -> Array:
-        """Return the reference (N,), all zero [rad]."""
+        """Return the reference (N,) [rad], which is zero at all samples."""
         return np.zeros(len(grid.k))
 
     def excited(self, grid: Grid) -> NDArray[np.bool_]:
-        """Return a boolean array (N,) that is False at all samples, because the axis is at rest."""
+        """Return a boolean array (N,) that is False at all samples, because the axis rests."""
         return np.zeros(len(grid.k), dtype=bool)
 
     def in_words(self) -> str:

@@ -1,4 +1,4 @@
-"""Faults: how the true parameters change over time, as factors on their nominal values."""
+"""Define faults, which multiply true parameters by factors that change over time."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 def changeable(names: Iterable[str]) -> tuple[str, ...]:
     """Return the parameters that can change during a run.
 
-    They are all `names` except the gear ratio r, and all parameters of nonlinear laws.
+    The result contains all `names` except the gear ratio r, and all parameters of nonlinear laws.
     """
     return (*(name for name in names if name != "r"), *LAW_NAMES)
 
@@ -35,13 +35,13 @@ Point = Annotated[
     Field(strict=False),  # arrays in TOML become tuples
 ]
 A_SAMPLE = "a sample at least"
-"""Marks times that must be at least one sample; shorter times would be rounded to sample 0."""
+"""Mark of times that must be at least one sample; shorter times would be rounded to zero."""
 
 Span = Annotated[Positive, A_SAMPLE]
 
 
 def _change(fault: Fault, share: float = 1.0) -> str:
-    """Return the parameter and the size of its change, such as "f_m +50 %"."""
+    """Return the name of a fault's parameter and the size of the change, such as "f_m +50 %"."""
     factor = 1.0 + share * (fault.factor - 1.0)
     much = f"{factor:g}-fold" if factor >= 3 else f"{100 * factor - 100:+.3g} %"
     return f"{fault.parameter} {much}"
@@ -55,10 +55,10 @@ class Step(Config):
     parameter : str
         Name of a `changeable` parameter.
     at : float
-        Time of the onset [s], rounded to a sample. The parameter has the new value from that sample
-        on.
+        Time of the onset [s], rounded to a sample. This sample is the first sample with the new
+        value.
     factor : float
-        Ratio of the new value to the previous one.
+        Ratio of the new value to the previous value.
     """
 
     kind: Literal["step"] = "step"
@@ -67,15 +67,15 @@ class Step(Config):
     factor: Factor
 
     def factor_at(self, grid: Grid) -> Array:
-        """Return the factor (N,) at the samples."""
+        """Return the factor (N,) of the parameter at each sample."""
         return np.where(grid.k >= grid.index(self.at), self.factor, 1.0)
 
     def onsets(self, grid: Grid) -> list[tuple[int, int]]:
-        """Return (first changed sample, first settled sample) of each change."""
+        """Return the pair (first changed sample, first settled sample) of each change."""
         return [(grid.index(self.at), grid.index(self.at))]
 
     def in_words(self) -> str:
-        """Return parameter, size and time of the change, such as "f_m +50 % at 10 s"."""
+        """Return a description of the change, such as "f_m +50 % at 10 s"."""
         return f"{_change(self)} at {self.at:g} s"
 
 
@@ -87,7 +87,8 @@ class Ramp(Config):
     parameter : str
         Name of a `changeable` parameter.
     at : float
-        Time of the onset [s], rounded to a sample. That sample is the first with a changed value.
+        Time of the onset [s], rounded to a sample. This sample is the first sample with a changed
+        value.
     over : float
         Time from the onset to the final value [s].
     factor : float
@@ -101,30 +102,31 @@ class Ramp(Config):
     factor: Factor
 
     def factor_at(self, grid: Grid) -> Array:
-        """Return the factor (N,) of each sample: the mean of the ramp during the sample."""
+        """Return the factor (N,) of each sample, which is the mean of the ramp over the sample."""
         k = grid.k - grid.index(self.at)
         done = np.where(k < 0, 0.0, np.minimum((k + 0.5) / grid.index(self.over), 1.0))
         return 1.0 + done * (self.factor - 1.0)
 
     def onsets(self, grid: Grid) -> list[tuple[int, int]]:
-        """Return (first changed sample, first settled sample) of each change."""
+        """Return the pair (first changed sample, first settled sample) of each change."""
         first = grid.index(self.at)
         return [(first, first + grid.index(self.over))]
 
     def in_words(self) -> str:
-        """Return parameter, size and time of the change, such as "f_m +50 % from 10 to 15 s"."""
+        """Return a description of the change, such as "f_m +50 % from 10 to 15 s"."""
         return f"{_change(self)} from {self.at:g} to {self.at + self.over:g} s"
 
 
 class Thermal(Config):
-    """A parameter approaches a new value exponentially, as friction does while an axis warms up.
+    """A parameter approaches a new value exponentially, like the friction of an axis that warms up.
 
     Attributes
     ----------
     parameter : str
         Name of a `changeable` parameter.
     at : float
-        Time of the onset [s], rounded to a sample. That sample is the first with a changed value.
+        Time of the onset [s], rounded to a sample. This sample is the first sample with a changed
+        value.
     time_constant : float
         Time after which 63 % of the change is complete [s].
     factor : float
@@ -138,24 +140,24 @@ class Thermal(Config):
     factor: Factor
 
     def factor_at(self, grid: Grid) -> Array:
-        """Return the factor (N,) of each sample: the mean of the curve during the sample."""
+        """Return the factor (N,) of each sample, which is the mean of the curve over the sample."""
         k = np.maximum(grid.k - grid.index(self.at), -1)
         decay = np.exp(-grid.period / self.time_constant)
         left = decay**k * (1 - decay) * self.time_constant / grid.period
         return 1.0 + np.where(k < 0, 0.0, 1.0 - left) * (self.factor - 1.0)
 
     def onsets(self, grid: Grid) -> list[tuple[int, int]]:
-        """Return (first changed sample, first settled sample) of each change."""
+        """Return the pair (first changed sample, first settled sample) of each change."""
         first = grid.index(self.at)
         return [(first, first + grid.index(40 * self.time_constant))]  # e⁻⁴⁰ is round-off
 
     def in_words(self) -> str:
-        """Return parameter, size and time, such as "f_m -30 % from 5 s, time constant 20 s"."""
+        """Return a description of the change, such as "f_m -30 % from 5 s, time constant 20 s"."""
         return f"{_change(self)} from {self.at:g} s, time constant {self.time_constant:g} s"
 
 
 class Intermittent(Config):
-    """A parameter jumps back and forth, as with a loose contact.
+    """A parameter jumps back and forth between two values, for example because of a loose contact.
 
     Attributes
     ----------
@@ -164,11 +166,12 @@ class Intermittent(Config):
     at : float
         Time of the first onset [s], rounded to a sample.
     on, off : float
-        Durations with and without the fault [s], which alternate; both are rounded to samples.
+        Durations of the alternating intervals with the fault and without the fault [s], rounded to
+        samples.
     factor : float
-        Ratio of the value during the fault to the value without it.
+        Ratio of the value during the fault to the value without the fault.
     until : float, optional
-        Time after which the fault does not return [s]; by default the end of the run.
+        Time from which the fault does not occur again [s]; by default the end of the run.
     """
 
     kind: Literal["intermittent"] = "intermittent"
@@ -180,16 +183,16 @@ class Intermittent(Config):
     until: Positive | None = None
 
     def factor_at(self, grid: Grid) -> Array:
-        """Return the factor (N,) at the samples."""
+        """Return the factor (N,) of the parameter at each sample."""
         return np.where(self._faulty(grid, grid.k), self.factor, 1.0)
 
     def onsets(self, grid: Grid) -> list[tuple[int, int]]:
-        """Return (first changed sample, first settled sample) of each jump within `grid`."""
+        """Return the pair (first changed sample, first settled sample) of each jump in `grid`."""
         switched = self._faulty(grid, grid.k) != self._faulty(grid, grid.k - 1)
         return [(int(index), int(index)) for index in grid.k[switched]]
 
     def in_words(self) -> str:
-        """Return parameter, size and time, such as "f_m +50 % from 10 s, 2 s out of 4 s"."""
+        """Return a description of the change, such as "f_m +50 % from 10 s, 2 s out of 4 s"."""
         return f"{_change(self)} from {self.at:g} s, {self.on:g} s out of {self.on + self.off:g} s"
 
     def _faulty(self, grid: Grid, k: NDArray[np.int64]) -> NDArray[np.bool_]:
@@ -200,19 +203,19 @@ class Intermittent(Config):
 
 
 class Profile(Config):
-    """A parameter follows a piecewise linear profile, for example a measured one.
+    """A parameter follows a piecewise linear profile, for example a measured profile.
 
     Attributes
     ----------
     parameter : str
         Name of a `changeable` parameter.
     at : float
-        Time of the onset [s], rounded to a sample. At that sample the parameter still has its old
+        Time of the onset [s], rounded to a sample. At this sample, the parameter still has its old
         value.
     points : tuple of (float, float)
         Time since the onset [s] and completed fraction of the change (0 to 1) at each corner of the
-        profile. The times are rounded to samples, which must differ. After the last point the
-        parameter remains constant.
+        profile. The times are rounded to samples and must differ by at least one sample. After the
+        last point, the parameter remains constant.
     factor : float
         Ratio of the value after the complete change to the value before the onset.
     """
@@ -236,26 +239,26 @@ class Profile(Config):
         return points
 
     def factor_at(self, grid: Grid) -> Array:
-        """Return the factor (N,) at the samples, interpolated linearly between the points."""
+        """Return the factor (N,) at each sample, interpolated linearly between the points."""
         index, share = self._knots(grid)
         return 1.0 + np.interp(grid.k, index, share) * (self.factor - 1.0)
 
     def onsets(self, grid: Grid) -> list[tuple[int, int]]:
-        """Return (first changed sample, first settled sample) of each segment that is not flat."""
+        """Return the pair (first changed, first settled sample) of each segment with a change."""
         index, share = self._knots(grid)
         lines = zip(pairwise(index), pairwise(share), strict=True)
         return [(first + 1, last) for (first, last), (old, new) in lines
                 if old != new and first < grid.k[-1]]  # fmt: skip
 
     def in_words(self) -> str:
-        """Return parameter, size and time, such as "f_m +50 % from 10 s in 3 points"."""
+        """Return a description of the change, such as "f_m +50 % from 10 s in 3 points"."""
         number = len(self.points)
         points = "1 point" if number == 1 else f"{number} points"
         most = max(share for _, share in self.points)
         return f"{_change(self, most)} from {self.at:g} s in {points}"
 
     def _knots(self, grid: Grid) -> tuple[list[int], list[float]]:
-        """Return sample indices and completed fractions at the corners of the profile."""
+        """Return the sample indices and the completed fractions at the corners of the profile."""
         times, shares = zip((0.0, 0.0), *self.points, strict=True)
         return [grid.index(self.at) + grid.index(time) for time in times], list(shares)
 

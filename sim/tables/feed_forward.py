@@ -1,4 +1,4 @@
-"""Feed-forward of the controller, computed from estimated or nominal parameters."""
+"""Compute the feed-forward of the controller from estimated or nominal parameters."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ USED = ("k_T", "f_m", "f_c", "r")
 Follower = Any
 """An estimator in the loop, as defined in `flexaxis.estimators.protocol`.
 
-An estimator has the attributes `names` and `output`. Its method ``step(u, y)`` takes u[k] and y[k]
+An estimator has the attributes `names` and `output`. The method ``step(u, y)`` takes u[k] and y[k]
 and returns the estimates θ[k]. The command of sample k + 1 is the first command that uses θ[k].
 """
 
@@ -31,14 +31,15 @@ class AdaptConfig(Config):
     Attributes
     ----------
     friction, inertia, torque : bool
-        Whether to feed forward the friction of the desired motion, whether to feed forward the
-        torque for the desired acceleration, and whether to divide the command by the estimated
-        torque constant.
+        Terms of the feed-forward. `friction` adds the friction torque at the desired speed.
+        `inertia` adds the torque for the desired acceleration. `torque` divides the command by the
+        estimated torque constant.
     smooth : float
         Speed v₀ below which the sign of the desired speed is smoothed [rad/s].
     limit : float
-        Factor that limits the estimates: they are clipped to nominal/limit … limit × nominal. A
-        parameter with the nominal value 0 is not fed forward.
+        Factor that limits the estimates. Each estimate is clipped to the interval from
+        nominal/limit to limit × nominal. The feed-forward ignores estimates of parameters whose
+        nominal value is 0.
     gain : float
         Factor that limits the estimate of the torque constant in the same way. The estimated torque
         constant scales the loop gain, so this factor must be smaller than the gain margin.
@@ -62,7 +63,7 @@ class AdaptConfig(Config):
         Parameters
         ----------
         feedback : ndarray (R,)
-            Command of the feedback controller, given the nominal torque constant k_T0 [N m].
+            Command of the feedback controller for the nominal torque constant k_T0 [N m].
         motion : (ndarray (R,), ndarray (R,))
             Desired speed v [rad/s] and acceleration a [rad/s²].
         of : mapping of str to float or ndarray (R,)
@@ -87,8 +88,8 @@ class FeedForward:
     config : AdaptConfig
         Terms and limits of the feed-forward.
     nominal : mapping of str to float
-        Parameters of the axis before any fault, keyed by name. A run without an estimator uses
-        these values throughout.
+        Parameters of the axis before any fault, keyed by name. A run without an estimator always
+        uses these values.
     reference : ndarray (N, R)
         Desired motor angle [rad].
     period : float
@@ -125,13 +126,13 @@ class FeedForward:
         self.limited = np.zeros(runs, int)
 
     def command(self, k: int, feedback: Array) -> Array:
-        """Return the torque command (R,) [N m] of sample k, using the latest estimates."""
+        """Return the torque command (R,) [N m] of sample k, computed with the latest estimates."""
         before, after = self._speed[k], self._speed[k + 1]
         motion = after, (after - before) / self._period
         return self._config.command(feedback, motion, self._values | {"k_T0": self._k_T0})
 
     def learn(self, k: int, torque: Array, angle: Array, speed: Array) -> None:
-        """Pass the torque (R,) and the measured output (R,) of sample k to the estimators."""
+        """Pass the torque (R,), angle (R,) and speed (R,) of sample k to the estimators."""
         increment = (angle - self._angle) / self._period if k else np.zeros_like(angle)
         self._angle = angle.copy()
         read = {"speed": speed, "angle": angle, "increment": increment}
@@ -142,7 +143,7 @@ class FeedForward:
                 self._use(run, dict(zip(follower.names, theta, strict=True)))
 
     def _use(self, run: int, theta: Mapping[str, float]) -> None:
-        """Clip the estimates to their limits, and count the sample if an estimate was clipped."""
+        """Clip the estimates of a run to their limits, and count samples with clipped estimates."""
         beyond = False
         for name, estimate in theta.items():
             parameter = name.removeprefix("1/")

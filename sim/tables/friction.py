@@ -1,10 +1,10 @@
-r"""Friction laws of the motor; each class is a table of a scenario.
+r"""Define friction laws of the motor; each class is a table of a scenario.
 
-MuJoCo implements Coulomb and LuGre friction. The other laws are computed in a compiled callback
-(`sim/plant/friction.py`), and each of their classes defines its law in a static method, `torque`.
-To add a law, write a class in this module, add the class to `COMPILED_LAWS` and add a key to
-`Scenario`. The compiled laws use a smooth function such as :math:`\tanh(v/v_0)` in place of the
-sign of the speed v, so the motor creeps instead of sticking. The key `smooth` is v₀.
+MuJoCo implements Coulomb and LuGre friction. A compiled callback (`sim/plant/friction.py`) computes
+the other laws; the static method `torque` of a class defines the law. To add a law, write a class
+in this module, add the class to `COMPILED_LAWS` and add a key to `Scenario`. The compiled laws use
+a smooth function such as :math:`\tanh(v/v_0)` instead of the sign of the speed v, so the motor
+creeps instead of sticking. The key `smooth` is v₀.
 """
 
 from __future__ import annotations
@@ -20,85 +20,85 @@ from flexaxis.sim.tables.config import NotNegative, Positive
 from flexaxis.sim.tables.nonlinear import Nonlinearity, Place, passive
 
 MARK: float = struct.unpack("=d", b"flexaxis")[0]
-"""First number of each row of parameters; it distinguishes our rows from other custom numbers."""
+"""First number of each parameter row, which distinguishes our rows from other custom numbers."""
 
 WIDTH = 12
-"""Length of a row: mark, index of the law in `COMPILED_LAWS`, and up to ten parameters."""
+"""Length of a parameter row: the mark, the index of the law, and up to ten parameters."""
 
 Row = Sequence[float]
 
 
 class _CompiledLaw(Nonlinearity):
-    """A law that the callback computes, using parameter values in a row of custom numbers."""
+    """A friction law that the compiled callback computes from a row of custom numbers."""
 
-    substeps: ClassVar[int] = 20  # the speed can change sign within 1 ms; error 6e-5 in the loop
+    substeps: ClassVar[int] = 20  # the speed can change sign within 1 ms; the error is 6e-5
     parameters: ClassVar[tuple[str, ...]]
-    """Keys of the table that are also true parameters in a record."""
+    """Keys of the table that are also parameters in a record."""
 
     def build(self, spec: Any) -> None:
-        """Add the law to an `MjSpec`."""
+        """Add the friction law to an `MjSpec`."""
         code = float(COMPILED_LAWS.index(type(self)))
         row = [MARK, code, *map(float, self.model_dump().values())]
         spec.add_numeric(name=type(self).__name__, size=WIDTH, data=row)
 
     @property
     def law(self) -> dict[str, float]:
-        """Parameters of the law, keyed by name."""
+        """Parameters of the friction law, keyed by name."""
         return {name: getattr(self, name) for name in self.parameters}
 
     def kept(self, law: Mapping[str, Any]) -> dict[Place, Any]:
-        """Return the numbers that the engine uses for the parameters `law`, keyed by place."""
+        """Return the numbers in the engine that represent the parameters `law`, keyed by place."""
         keys, owner = [*type(self).model_fields], type(self).__name__
         at = {name: Place("numeric_data", owner, 2 + keys.index(name)) for name in law}
         return {at[name]: value for name, value in law.items()}
 
 
 class FrictionConfig(Nonlinearity):
-    """Coulomb friction of the motor, independent of the magnitude of its speed.
+    """Coulomb friction of the motor, which does not depend on the magnitude of the speed.
 
     Attributes
     ----------
     coulomb : float
-        Coulomb friction [N m]. It opposes the motion of a moving motor, and holds a motor at rest
-        against torques up to this value.
+        Coulomb friction torque [N m]. The friction opposes the motion of a moving motor, and keeps
+        a motor at rest against torques up to this value.
     """
 
-    substeps: ClassVar[int] = 20  # a switch is located to within one step; error 7e-4
+    substeps: ClassVar[int] = 20  # a reversal is located to within one step; the error is 7e-4
     coulomb: Positive
 
     def build(self, spec: Any) -> None:
-        """Add the law to an `MjSpec`."""
+        """Add the friction law to an `MjSpec`."""
         motor = spec.joint("motor")
         motor.frictionloss = self.coulomb
-        # by default, the engine's friction is soft, which would cause errors of 50 % here
+        # the engine's default friction is soft, which would cause errors of 50 %
         motor.solref_friction, motor.solimp_friction[:3] = [1e-6, 1.0], [0.9999, 0.9999, 0.001]
 
     @property
     def law(self) -> dict[str, float]:
-        """Parameters of the law, keyed by name."""
+        """Parameters of the friction law, keyed by name."""
         return {"f_c": self.coulomb}
 
     def kept(self, law: Mapping[str, Any]) -> dict[Place, Any]:
-        """Return the numbers that the engine uses for the parameters `law`, keyed by place."""
+        """Return the numbers in the engine that represent the parameters `law`, keyed by place."""
         return {Place("dof_frictionloss", "motor"): law["f_c"]}
 
     def in_words(self) -> str:
-        """Return a description of the law, for messages and tables."""
+        """Return a description of the friction law, for messages and tables."""
         return f"Coulomb friction of {self.coulomb:g} N m"
 
 
 class LuGreConfig(Nonlinearity):
     r"""LuGre friction of the motor: bristles that bend, stick and slip.
 
-    With the deflection z of the bristles and the motor speed v, the friction torque is
+    If z is the deflection of the bristles and v is the motor speed, the friction torque is
 
     .. math::
 
         F = \sigma_0 z + \sigma_1 \dot z, \quad \dot z = v - \sigma_0 |v| z / g(v), \quad
         g(v) = F_c + (F_s - F_c) e^{-(v/v_s)^2}
 
-    (Canudas de Wit et al., IEEE Trans. AC 40, 1995, 419-425). The axis parameter f_m is the
-    coefficient of viscous friction, which is added.
+    (Canudas de Wit et al., IEEE Trans. AC 40, 1995, 419-425). Viscous friction with the axis
+    parameter f_m acts in addition.
 
     Attributes
     ----------
@@ -112,7 +112,7 @@ class LuGreConfig(Nonlinearity):
         Stribeck speed v_s of the transition from F_s to F_c [rad/s].
     """
 
-    substeps: ClassVar[int] = 10  # the engine integrates bristles to first order; error 7e-4
+    substeps: ClassVar[int] = 10  # bristles are integrated to first order; the error is 7e-4
     stiffness: Positive
     damping: Positive
     coulomb: Positive
@@ -128,13 +128,13 @@ class LuGreConfig(Nonlinearity):
         return self
 
     def build(self, spec: Any) -> None:
-        """Add the law to an `MjSpec`."""
+        """Add the friction law to an `MjSpec`."""
         law = [self.stiffness, self.damping, self.coulomb, self.static, self.stribeck]
         passive(spec, "lugre", lugre=law)
 
     @property
     def law(self) -> dict[str, float]:
-        """Parameters of the law, keyed by name; f_s is the breakaway torque minus f_c."""
+        """Parameters of the friction law, keyed by name; f_s is the breakaway torque minus f_c."""
         return {
             "f_c": self.coulomb,
             "f_s": self.static - self.coulomb,
@@ -144,7 +144,7 @@ class LuGreConfig(Nonlinearity):
         }
 
     def kept(self, law: Mapping[str, Any]) -> dict[Place, Any]:
-        """Return the numbers that the engine uses for the parameters `law`, keyed by place."""
+        """Return the numbers in the engine that represent the parameters `law`, keyed by place."""
         return {
             Place("actuator_biasprm", "lugre", 3): law["f_c"],
             Place("actuator_biasprm", "lugre", 4): law["f_c"] + law["f_s"],
@@ -154,7 +154,7 @@ class LuGreConfig(Nonlinearity):
         }
 
     def in_words(self) -> str:
-        """Return a description of the law, for messages and tables."""
+        """Return a description of the friction law, for messages and tables."""
         return f"LuGre friction of {self.coulomb:g} N m, {self.static:g} N m to break away"
 
 
@@ -164,8 +164,7 @@ class StaticFrictionConfig(_CompiledLaw):
     .. math:: \tau = (F_c + F_{cs} / \cosh(\alpha v)) \tanh(\beta v)
 
     (E. Wernholt and S. Gunnarsson, *Nonlinear identification of a physically parameterized robot
-    model*, SYSID 2006). The axis parameter f_m is the coefficient of viscous friction, which is
-    added.
+    model*, SYSID 2006). Viscous friction with the axis parameter f_m acts in addition.
 
     Attributes
     ----------
@@ -192,12 +191,12 @@ class StaticFrictionConfig(_CompiledLaw):
         return (row[2] + peak) * math.tanh(row[5] * speed)
 
     def in_words(self) -> str:
-        """Return a description of the law, for messages and tables."""
+        """Return a description of the friction law, for messages and tables."""
         return f"a friction curve with F_c = {self.f_c:.3g} N m, F_cs = {self.f_s:.3g} N m"
 
 
 class LoadFrictionConfig(_CompiledLaw):
-    r"""Dry friction that grows with the torque transmitted by the gear.
+    r"""Dry friction that grows with the torque that the gear transmits.
 
     .. math:: \tau = (f_c + \mu |\tau_g|) \tanh(v/v_0)
 
@@ -225,7 +224,7 @@ class LoadFrictionConfig(_CompiledLaw):
         return (row[2] + row[3] * abs(load)) * math.tanh(speed / row[4])
 
     def in_words(self) -> str:
-        """Return a description of the law, for messages and tables."""
+        """Return a description of the friction law, for messages and tables."""
         return f"dry friction of {self.f_c:g} N m and {100 * self.load:g} % of the load"
 
 
@@ -237,21 +236,21 @@ class GearFrictionConfig(_CompiledLaw):
         \tau = [f_c + |\mu_e \tau_g - \mu_m u|
                 + (f_s + |\mu_{es} \tau_g - \mu_{ms} u|) e^{-|v/v_s|^\alpha}] \tanh(v/v_0)
 
-    Here u is the motor torque, and τ_g is the torque of the gear spring on the motor side. This is
-    model M5 of M. Duclusaud, G. Passault, V. Padois and O. Ly, *Extended friction models for the
-    physics simulation of servo actuators*, arXiv:2410.08650, with tanh in place of the sign. The
-    axis parameter f_m is the coefficient of viscous friction, which is added. Because u and τ_g
-    have separate coefficients, the friction is different when the motor drives the load and when
-    the load drives the motor.
+    Here u is the motor torque, and τ_g is the torque of the gear spring on the motor side. The law
+    is model M5 of M. Duclusaud, G. Passault, V. Padois and O. Ly, *Extended friction models for the
+    physics simulation of servo actuators*, arXiv:2410.08650, with tanh instead of the sign. Viscous
+    friction with the axis parameter f_m acts in addition. Because u and τ_g have separate
+    coefficients, the friction depends on whether the motor drives the load or the load drives the
+    motor.
 
     Attributes
     ----------
     f_c, f_s : float
-        Coulomb torque at high speed, and additional torque at low speed, both without load [N m].
+        Coulomb torque at high speed and additional torque at low speed, without load [N m].
     motor, external : float
         Coefficients μ_m of the motor torque and μ_e of the spring torque.
     motor_slow, external_slow : float
-        Coefficients μ_ms of the motor torque and μ_es of the spring torque in the additional
+        Coefficients μ_ms of the motor torque and μ_es of the spring torque for the additional
         friction at low speed.
     v_s : float
         Stribeck speed above which the additional friction decays [rad/s].
@@ -281,9 +280,9 @@ class GearFrictionConfig(_CompiledLaw):
         return (fast + slow * left) * math.tanh(speed / row[10])
 
     def in_words(self) -> str:
-        """Return a description of the law, for messages and tables."""
+        """Return a description of the friction law, for messages and tables."""
         dry = f"{self.f_c:.2g} N m ({self.f_c + self.f_s:.2g} at low speed)"
-        shares = f"{100 * self.motor:.2g} % of the motor's torque, {100 * self.external:.2g} %"
+        shares = f"{100 * self.motor:.2g} % of the motor torque, {100 * self.external:.2g} %"
         return f"gear friction of {dry}, {shares} of the load"
 
 
@@ -292,4 +291,4 @@ COMPILED_LAWS: tuple[Any, ...] = (
     LoadFrictionConfig,
     GearFrictionConfig,
 )
-"""Laws that the compiled callback computes; a row contains the index of its law in this tuple."""
+"""Laws that the compiled callback computes; a row selects its law by the index in this tuple."""

@@ -1,9 +1,9 @@
-"""Nonlinear effects of an axis; each class is a table of a scenario.
+"""Define nonlinear effects of an axis; each class is a table of a scenario.
 
-Every class adds its effect to the MuJoCo model of the plant (`build`), declares whether the linear
-model describes the effect exactly (`exact`), and specifies the number of simulation steps that the
-effect requires (`substeps`). With this number of steps, the motor speed agrees with an independent
-solution to 1e-5 of its rms, or to 1e-3 if the effect is stick-slip friction.
+The method `build` of a class adds the effect to the MuJoCo model of the plant. The attribute
+`exact` states whether the linear model describes the effect exactly. The attribute `substeps` is
+the number of simulation steps that the effect requires. With this number of steps, the motor speed
+agrees with an independent solution to 1e-5 of its rms value, or to 1e-3 for stick-slip friction.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from pydantic import Field
 
 from flexaxis.sim.tables.config import Config, Positive
 
-SPAN = 0.005  # simulated time of `substeps` steps [s]
+SPAN = 0.005  # simulated time to which the attribute `substeps` refers [s]
 LINEAR_SUBSTEPS = 5
 _NO_INPUT = 16  # MuJoCo's mjINPUT_NONE: an actuator without a command
 
 
 class Place(NamedTuple):
-    """Location of a number in the engine: field of the model, name of the object, and column."""
+    """Location of a number in the engine: name of the field, name of the object, and column."""
 
     field: str
     owner: str
@@ -37,7 +37,7 @@ class Nonlinearity(Config):
     exact : bool
         Whether the linear model describes the effect exactly (False for all nonlinear effects).
     substeps : int
-        Number of engine steps per 5 ms that the effect requires.
+        Number of simulation steps per 5 ms that the effect requires.
     """
 
     exact: ClassVar[bool] = False
@@ -49,11 +49,11 @@ class Nonlinearity(Config):
 
     @property
     def law(self) -> dict[str, float]:
-        """True parameters of the effect that a record contains, keyed by name."""
+        """Parameters of the effect that records contain, keyed by name."""
         return {}
 
     def kept(self, law: Mapping[str, Any]) -> dict[Place, Any]:
-        """Return the numbers that the engine uses for the parameters `law`, keyed by place.
+        """Return the numbers in the engine that represent the parameters `law`, keyed by place.
 
         The dictionary is empty if the parameters cannot change during a run.
         """
@@ -61,9 +61,9 @@ class Nonlinearity(Config):
 
 
 def substeps(features: Iterable[Nonlinearity], period: float, *, least: int = 1) -> int:
-    """Return the number of engine steps per `period` [s] that all features together require.
+    """Return the number of simulation steps per `period` [s] that all features together require.
 
-    ``least`` is a lower limit of the number of steps per 5 ms.
+    The argument `least` is a lower limit of the number of steps per 5 ms.
 
     Examples
     --------
@@ -75,7 +75,7 @@ def substeps(features: Iterable[Nonlinearity], period: float, *, least: int = 1)
 
 
 class CoggingConfig(Nonlinearity):
-    """Cogging of the motor: a torque amplitude · sin(poles · φ_m) caused by the magnets.
+    """Cogging of the motor, which is a torque amplitude · sin(poles · φ_m) due to the magnets.
 
     Attributes
     ----------
@@ -103,8 +103,8 @@ class BacklashConfig(Nonlinearity):
     Attributes
     ----------
     gear : float
-        Width of the gap within which the gear spring exerts no torque [rad on the arm side]. The
-        damper of the gear also acts within the gap.
+        Width of the gap in which the gear spring exerts no torque [rad on the arm side]. The damper
+        of the gear also acts in the gap.
     """
 
     substeps: ClassVar[int] = 20
@@ -125,9 +125,10 @@ class BacklashConfig(Nonlinearity):
 
 
 class StiffeningConfig(Nonlinearity):
-    """A gear spring that stiffens with its twist x: torque k_g (x + gear · x³).
+    """A gear spring that stiffens with its twist x; its torque is k_g (x + gear · x³).
 
-    Both terms are proportional to k_g, so a fault of k_g changes both by the same factor.
+    Both terms of the torque are proportional to k_g, so a fault of k_g changes both terms by the
+    same factor.
 
     Attributes
     ----------
@@ -153,7 +154,7 @@ class StiffeningConfig(Nonlinearity):
 
 
 class SaturationConfig(Nonlinearity):
-    """A torque limit of the drive; the log contains the command before the limit is applied.
+    """A torque limit of the drive; the log contains the torque command before the limit acts.
 
     Attributes
     ----------
@@ -176,7 +177,8 @@ class SaturationConfig(Nonlinearity):
 def passive(spec: Any, name: str, **law: list[float]) -> None:
     """Add a DC motor without current to the motor joint.
 
-    The engine's DC motor implements LuGre friction and cogging, which `law` specifies.
+    The engine's DC motor implements LuGre friction and cogging. The keyword arguments `law` contain
+    the parameters of these effects.
     """
     motor = spec.add_actuator(name=name, target="motor")
     motor.trntype = spec.actuator("motor").trntype

@@ -1,9 +1,9 @@
-"""Sensors, which turn the true motion into logged signals: delay, noise, encoder and filter.
+"""Define the sensors (delay, noise, encoder and filter), which turn the motion into logged signals.
 
-Every table has a `stage` that changes a signal, and declares whether the linear model still
-describes the changed signal (`exact`). A signal passes through all stages in the order of the keys
-of `Scenario`. The log contains the output of the last stage. The controller reads that output only
-if its feedback is "measured"; otherwise the controller reads the true angle.
+The method `stage` of a table returns a function that changes a signal. The attribute `exact` states
+whether the linear model still describes the changed signal. A signal passes through all stages in
+the order of the keys of `Scenario`. The log contains the output of the last stage. The controller
+reads this output if the feedback is "measured"; otherwise the controller reads the true angle.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ Stage = Callable[[Array], Array]
 
 White = Callable[[str], Array]
 """Function that takes the purpose of the noise, for example "noise.speed", and returns white noise
-(N, R) of standard deviation 1."""
+(N, R) with standard deviation 1."""
 
 
 @runtime_checkable
@@ -40,7 +40,7 @@ class Sensor(Protocol):
     def stage(self, signal: Signal, white: White, period: float) -> Stage:
         """Return the stage that processes a signal with the sampling period `period` [s].
 
-        The signal is assumed to be 0 before the run.
+        The stage assumes that the signal is 0 before the run.
         """
 
 
@@ -62,7 +62,8 @@ def reading(sensors: Iterable[Sensor], signal: Signal, white: White, *, period: 
     -------
     callable
         Function that takes the next samples (n, R) of the true signal and returns the measured
-        samples. Processing a whole run at once or sample by sample gives bitwise the same result.
+        samples. The result is bitwise the same if the function processes a run at once or sample by
+        sample.
     """
     stages = [sensor.stage(signal, white, period) for sensor in sensors]
     return lambda values: reduce(lambda passed, stage: stage(passed), stages, values)
@@ -83,9 +84,9 @@ class NoiseConfig(Config):
         Standard deviation of the noise that is added to the motor angle before the encoder rounds
         the angle [rad].
     torque : float, optional
-        Standard deviation of a disturbance torque that is added to the command, with an independent
-        value in each sample [N m]. The log contains only the command, so the disturbance is an
-        error of the input and not output noise.
+        Standard deviation of a disturbance torque with an independent value in each sample, which
+        is added to the command [N m]. The log contains only the command. Therefore the disturbance
+        is an input error and not output noise.
     """
 
     speed: NotNegative = 0.1
@@ -254,5 +255,5 @@ def _low_pass(time_constant: float, period: float) -> Stage:
 
 
 def angle_increment(angle: Array, *, period: float) -> Array:
-    """Return (φ[k] − φ[k−1])/T [rad/s] of a sampled angle φ (N, ...) [rad], with 0 at k = 0."""
+    """Return (φ[k] − φ[k−1])/T [rad/s] for a sampled angle φ (N, ...) [rad]; it is 0 at k = 0."""
     return np.diff(angle, axis=0, prepend=angle[:1]) / period

@@ -108,7 +108,7 @@ CASES = [
     ("delay.torque = 0.0015", "delay.torque: must be a multiple of 0.001 s, not 0.0015", ""),
     ("controller.log = 'mean'", "controller.log: needs an inner loop: set controller.rate", ""),
     ("feedback = 'measured'\ncontroller.rate = 1000", "controller.rate: an inner loop reads the "
-     "clean angle", ""),
+     "true angle", ""),
     ("known.J_a = 1.1", "known.J_a: J_a is estimated: set its initial value with `start`", ""),
     ("known.Jg = 1.1", "known.Jg: unknown parameter 'Jg'; ", " Did you mean 'J_g'?"),
     (FAULT.replace("fault", "nuisance").replace("10.0", "20.0"),
