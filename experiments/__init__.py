@@ -1,7 +1,7 @@
-"""Runs estimators on simulated records: scenarios, scores, reports and the command line.
+"""The benchmark: scenarios, runs of estimators, scores, reports and the command line.
 
-Data pass through `catalogue` (scenarios and suites), `running` (from a study to rows), `scoring`
-and `comparison` (scores and rankings) and `reporting` (pages). `studies`, `gate`, `logs`, `demo`,
-`paper` and `check` build on these. Users call `commands` (the command line) or `front`
-(``import flexaxis``): they give names and files, and get rows, verdicts and pages.
+`catalogue` contains scenarios and suites. `running` runs estimators and stores one row per result.
+`scoring` and `comparison` compute scores and rankings, and `reporting` writes pages. `studies`,
+`gate`, `logs`, `demo`, `paper` and `check` use these packages. Users call `commands` (the command
+line) or `front` (``import flexaxis``).
 """

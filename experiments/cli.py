@@ -1,7 +1,7 @@
 """The command `flexaxis`: it prints results on stdout, and progress and errors on stderr.
 
 Each command is a function in a module of `flexaxis.experiments.commands`, registered by
-`options.command`. Slow imports are inside the functions, so that `--help` is fast.
+`options.command`. The functions contain the slow imports, so that `--help` is fast.
 """
 
 import argparse
@@ -41,7 +41,7 @@ exit status:
 
 
 class Parser(argparse.ArgumentParser):
-    """An argument parser that suggests the nearest known word for an unknown one."""
+    """An argument parser that suggests a known word if a word is unknown."""
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         """Parse the command line; reject unknown options and extra words."""
@@ -60,7 +60,7 @@ class Parser(argparse.ArgumentParser):
 
 
 def parser() -> Parser:
-    """Return the parser of the command line with all commands."""
+    """Return the command-line parser with all commands."""
     for module in iter_modules(home.__path__):
         import_module(f"{home.__name__}.{module.name}")
     style: Any = {"allow_abbrev": False, "formatter_class": argparse.RawDescriptionHelpFormatter}
@@ -80,7 +80,7 @@ def parser() -> Parser:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a command and return its exit status."""
-    # Set before NumPy is imported: small matrices are several times slower on many threads.
+    # NumPy reads these at import. Small matrices are several times slower with many threads.
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     words = list(sys.argv[1:] if argv is None else argv)
@@ -105,7 +105,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except (FlexaxisError, EstimatorError) as error:
         crash = isinstance(error, EstimatorCrash | NotRun) or is_of_the_machine(error)
         status, text = CRASH if crash else WRONG_USE, str(error)
-    except BaseException as error:  # also SystemExit, which only a user's code can raise here
+    except BaseException as error:  # SystemExit can only come from user code
         if args.traceback:
             raise
         status, text = CRASH, f"{args.command} crashed: {describe(error)}; --traceback shows more"

@@ -1,4 +1,4 @@
-"""Write result files atomically (completely or not at all), and never over an input."""
+"""Write result files atomically, and never overwrite an input file."""
 
 import json
 import os
@@ -24,12 +24,12 @@ class StudyError(FlexaxisError):
 
 
 class NotRun(FlexaxisError):
-    """Cases did not run because disk space or memory ran out; the same command resumes."""
+    """Disk space or memory ran out before all cases were run; the same command resumes the run."""
 
 
 @contextmanager
 def writing(path: Path) -> Iterator[None]:
-    """Convert an `OSError` to an `OutputError` with the file, the reason and the next step."""
+    """Convert an `OSError` to an `OutputError` that names the file, the reason and a remedy."""
     try:
         yield
     except OSError as error:
@@ -51,7 +51,7 @@ def make_folder(path: Path) -> None:
 
 @contextmanager
 def new_file(path: Path) -> Iterator[Path]:
-    """Yield a temporary path; on exit, the temporary file replaces `path` in one step.
+    """Yield the path of a temporary file, which replaces the file `path` on exit.
 
     Raises
     ------
@@ -63,31 +63,31 @@ def new_file(path: Path) -> Iterator[Path]:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text file completely or not at all; raise the errors of `new_file`."""
+    """Write a text file atomically; `new_file` describes the errors."""
     with new_file(path) as part:
         part.write_text(text, encoding="utf-8")
 
 
 def write_json(path: Path, content: Any) -> None:
-    """Write strict, indented JSON; raise the errors of `new_file`."""
+    """Write a value as strict, indented JSON; `new_file` describes the errors."""
     text = json.dumps(content, allow_nan=False, ensure_ascii=False, indent=1)
     write_text(path, text + "\n")
 
 
 def summary_of(folder: Path) -> Any:
-    """Return the content of summary.json in the folder of a run.
+    """Return the content of summary.json in the results folder of a run.
 
     Raises
     ------
     OutputError
-        If the file is missing because the run is not finished.
+        If the file is missing, for example because the run has not finished.
     """
     path = folder / SUMMARY
     return json_value(read_text(path, OutputError), source=str(path), refuse=OutputError)
 
 
 def check_not_input(inputs: Iterable[PathLike], *outputs: PathLike) -> None:
-    """Raise an error if an output would overwrite an input, before anything is computed.
+    """Raise an error if an output file would overwrite an input file.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ def check_not_input(inputs: Iterable[PathLike], *outputs: PathLike) -> None:
     Raises
     ------
     OutputError
-        If an output and an input are the same file, also by another path or a link.
+        If an output and an input are the same file, even if their paths differ.
     """
     read = {Path(path).resolve() for path in inputs if path and os.path.exists(path)}
     for output in outputs:
@@ -111,7 +111,7 @@ def check_not_input(inputs: Iterable[PathLike], *outputs: PathLike) -> None:
 
 
 def check_file(path: Path) -> None:
-    """Raise an `OutputError` with the nearest name if a file or folder does not exist."""
+    """Raise an `OutputError` with a suggested name if a file or folder does not exist."""
     if not path.exists():
         near = did_you_mean(path.name, [file.name for file in path.parent.glob("*")])
         raise OutputError(f"{path} cannot be read: no such file or folder.{near}")

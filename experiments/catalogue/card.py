@@ -25,12 +25,12 @@ def reference_card(scenario: Scenario) -> dict[str, str]:
         "happens": happens(scenario),
         **{heading: "; ".join(texts) or "nothing" for heading, texts in _parts(scenario).items()},
         "estimated": ", ".join(scenario.identify),
-        "bound": f"defined for {names}" if names else "none, so no score; use lag, std and alarms",
+        "bound": f"defined for {names}" if names else "none, so no score is defined",
     }
 
 
 def happens(scenario: Scenario) -> str:
-    """Return the faults and other changes of a scenario in one line."""
+    """Return a line of text with the faults and other changes of a scenario."""
     words = [fault.in_words() for fault in scenario.fault]
     words += [f"no fault: {change.in_words()}" for change in scenario.nuisance or ()]
     estimated = {physical(name)[0] for name in scenario.identify}
@@ -42,7 +42,7 @@ def happens(scenario: Scenario) -> str:
 
 
 def in_a_line(scenario: Scenario) -> str:
-    """Return the faults of a scenario and its differences from a default scenario in one line."""
+    """Return a line with a scenario's faults and its differences from a default scenario."""
     usual = _parts(Scenario(name="usual", duration=20.0))
     parts = (t for name, texts in _parts(scenario).items() for t in texts if t not in usual[name])
     return "; ".join([happens(scenario), *parts])
@@ -51,7 +51,7 @@ def in_a_line(scenario: Scenario) -> str:
 def _parts(scenario: Scenario) -> dict[str, list[str]]:
     """Return the parts of a scenario, keyed by heading.
 
-    The heading "unmodelled" is for effects that the linear model does not describe.
+    The heading "unmodelled" contains the effects that the linear model does not describe.
     """
     s, tables = scenario, scenario.tables.values()
     sensors = [words for table in tables if table.exact and (words := table.in_words())]
@@ -77,8 +77,8 @@ def show(name: str) -> tuple[dict[str, Any], list[str]]:
     Parameters
     ----------
     name : str
-        Name of a scenario, suite or estimator, or the path of a scenario. The lines for a scenario
-        are the description, followed by the scenario as TOML.
+        Name of a scenario, suite or estimator, or path of a scenario file. For a scenario, the
+        lines contain the description and the scenario as TOML.
 
     Raises
     ------

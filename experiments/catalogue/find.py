@@ -22,9 +22,9 @@ HOME = Path(str(files("flexaxis.experiments.catalogue")))
 HASHES = "hashes.toml"
 STREAMS = "streams.toml"
 DRAWN = "-v2"
-"""Suffix of a scenario that is like its version -v1, but with an onset drawn for each seed."""
+"""Suffix of scenarios that are like their version -v1, but draw the onset for each seed."""
 SPREAD = 3.0  # `onset_spread` of every scenario with the suffix -v2 [s]
-SCORED = 5.0  # shortest time from the latest possible onset in a -v2 to the end of the run [s]
+SCORED = 5.0  # shortest time from the latest possible onset in -v2 to the end of the run [s]
 
 GROUPS = {
     "nominal": "nothing happens",
@@ -32,14 +32,14 @@ GROUPS = {
     "wear": "one parameter changes over seconds",
     "intermittent": "one parameter jumps back and forth",
     "several": "several changes",
-    "excitation": "other motions than the full multisine",
+    "excitation": "motions other than the full multisine",
     "sensors": "sensor errors, and delays between the axis and its log",
     "mismatch": "effects that the linear model does not describe",
     "nuisance": "changes that are not faults",
     "known": "faults on axes whose other parameters are known with errors",
     "drives": "commercial drives with their own friction and faults",
     "control": "the controller uses the estimates",
-    "chains": "axes with another number of masses",
+    "chains": "axes with a different number of masses",
     "ground": "conditions under which good estimators have failed",
 }
 """Descriptions of the groups of the catalogue, in the order in which the groups are listed."""
@@ -58,7 +58,7 @@ FAULTS = {
     "part added to the motor shaft": "J_m",
     "part added to the gear": "J_g",
 }
-"""Name of the parameter that changes with each physical fault, keyed by the fault."""
+"""Parameter that changes with each physical fault, keyed by the description of the fault."""
 
 Line = dict[str, str]
 
@@ -106,12 +106,12 @@ def _tables(place: str) -> dict[str, Any]:
 
 
 def full_name(name: str) -> str:
-    """Return the name of a scenario with a suffix; the default suffix is -v1."""
+    """Return the full name of a scenario; a name without a suffix gets the suffix -v1."""
     return f"{name}-v1" if f"{name}-v1" in hashes() else name
 
 
 def check_names(names: Iterable[str]) -> None:
-    """Raise a ScenarioError with one line for each name that is no scenario, suite or file."""
+    """Raise a ScenarioError with one line for each name that is not a scenario, suite or file."""
     known = {*hashes(), *suite_names()}
     if wrong := [n for n in names if full_name(n) not in known and not Path(n).is_file()]:
         raise ScenarioError(*map(_unknown, wrong))
@@ -130,10 +130,9 @@ def _unknown(name: str) -> str:
 
 
 def find_scenario(name: str) -> Scenario:
-    """Return a scenario, given its name in the catalogue or the path of a TOML file.
+    """Return the scenario with a given name in the catalogue, or with a given TOML file.
 
-    The default suffix of a name is -v1. In a scenario with the suffix -v2, the onset is drawn for
-    each seed.
+    A name without a suffix means the version -v1. The version -v2 draws the onset for each seed.
 
     Raises
     ------
@@ -180,7 +179,7 @@ def _frozen(scenario: Scenario, name: str) -> Scenario:
 
 
 def find_suite(name: str) -> Suite:
-    """Return a suite by its name; "all" in its file is replaced by the names of all estimators."""
+    """Return the suite with a given name; "all" in its file stands for all estimators."""
     from flexaxis.estimators.registry import REGISTRY
 
     table = _tables(f"suites/{name}.toml")
@@ -192,7 +191,7 @@ def find_suite(name: str) -> Suite:
 
 
 def _members(table: dict[str, Any]) -> list[str]:
-    """Return the names of a suite's scenarios, given the table in the file of the suite.
+    """Return the names of a suite's scenarios, given the table in the suite's file.
 
     The table lists groups, excluded groups, or names. For a group, the result contains the version
     -v2 of each scenario or, if there is no such version, the version -v1.
@@ -206,14 +205,14 @@ def _members(table: dict[str, Any]) -> list[str]:
 
 
 def select(names: Any, *, default: str = "smoke") -> Suite:
-    """Return a suite that consists of the given scenarios and of the scenarios in given suites.
+    """Return one suite that contains all given scenarios and the scenarios of all given suites.
 
     Parameters
     ----------
     names : str, Path, Scenario, or several of them
         Names of suites, names of scenarios, paths of TOML files and scenarios, in any combination.
     default : str
-        Name of the suite from which estimators and number of seeds are taken if `names` does not
+        Name of the suite that provides the estimators and the number of seeds if `names` does not
         contain a suite.
 
     Raises
@@ -240,16 +239,16 @@ def select(names: Any, *, default: str = "smoke") -> Suite:
 
 
 def scenarios(*, group: str = "", find: str = "") -> list[Line]:
-    """Return the name, group, difficulty, faults and card of scenarios.
+    """Return the name, group, difficulty, faults and description (card) of each scenario.
 
-    The faults are listed as the names of the parameters that change.
+    The entry for the faults contains the names of the parameters that change.
 
     Parameters
     ----------
     group : str
         Group to list (default: all groups).
     find : str
-        Text that must occur in the listed entries of a scenario, in upper or lower case.
+        Text that a listed scenario must contain, in upper or lower case.
 
     Raises
     ------
@@ -273,13 +272,13 @@ def _with(find: str, lines: list[Line]) -> list[Line]:
 
 
 def suites(find: str = "") -> list[Line]:
-    """Return the name and card of each suite with a given text in the name or in the card."""
+    """Return the name and description (card) of each suite that contains a given text."""
     lines = [{"name": n, "card": _tables(f"suites/{n}.toml")["card"]} for n in suite_names()]
     return _with(find, lines)
 
 
 def faults(find: str = "") -> list[Line]:
-    """Return each physical fault, the parameter that changes, and scenarios with this fault."""
+    """Return each physical fault, the parameter that it changes, and its scenarios."""
     lines = scenarios()
     result = []
     for fault, parameter in FAULTS.items():

@@ -29,12 +29,12 @@ def _saved(args: Args, result: Any, path: Path) -> int:
 
 @command("log", "-o", *READING)
 def import_(args: Args) -> int:
-    """Convert a log of your own axis to a record, and check its data quality.
+    """Convert a log of your own axis to a record, and check the quality of the data.
 
-    LOG is a file: a text table, MAT (all versions), HDF5 or NetCDF. The command checks time stamps
-    and gaps, wrapping, clipping, clocks, interpolation, units, resolution, outliers, the kind of
-    torque, signs, and whether the speed is filtered. It reports each problem together with the
-    option that solves the problem.
+    LOG is a file: a text table, MAT (all versions), HDF5 or NetCDF. The command checks time stamps,
+    gaps, wrapping of the angle, clipping, the update rates of the signals, units, resolution,
+    outliers, the type of the torque signal, signs, and filtering of the speed. For each problem, it
+    prints an option that solves the problem.
 
     example:
       flexaxis import log.csv --torque current --angle motor_pos --unit angle=deg -o rec.nc
@@ -51,12 +51,13 @@ def import_(args: Args) -> int:
 def identify(args: Args) -> int:
     """Identify the parameters of your axis from a log, a record, or a folder of logs.
 
-    The model includes dry friction, gravity and similar effects if they improve the simulation of
-    held-out pieces of the log. The log of a single axis determines the other parameters only
-    relative to k_T, so k_T and the gear ratio r keep their values unless you use --free. The exit
-    status is 0 if the estimates are as accurate as their standard deviations indicate, else 1.
+    The model includes dry friction, gravity and similar effects if these effects improve the
+    simulation of held-out pieces of the log. The log of a single axis determines the other
+    parameters only relative to k_T, so k_T and the gear ratio r keep their values unless you use
+    --free. The exit status is 0 if the estimates are as accurate as their standard deviations
+    indicate, else 1.
 
-    If you give a folder, its logs are read in the order of their names. The command writes a CSV
+    If you give a folder, the command reads its logs in the order of their names, and writes a CSV
     file with one row of estimates per log. The report shows the effect of covariates and any change
     of a parameter. The exit status is 1 if a parameter changed or a log could not be used.
 
@@ -87,12 +88,12 @@ def identify(args: Args) -> int:
 
 @command("log", "--model", "--identify", "--estimator", "--start", "-o", *READING)
 def track(args: Args) -> int:
-    """Track parameters in a log of your axis: estimates, residuals, changes and alarms.
+    """Track parameters in a log of your axis, and report changes of these parameters.
 
     AXIS.toml is a file that `flexaxis identify` wrote. The command writes the estimates to a NetCDF
-    file. A report lists the parameters that changed or drift, and the times of the changes. The
-    exit status is 1 if a parameter changed, or if the log does not match the axis, for example
-    because of a different unit or sign.
+    file, and a report with residuals, alarms, and the parameters that changed or drift. The exit
+    status is 1 if a parameter changed, or if the log does not match the axis, for example because
+    of a different unit or sign.
 
     example:
       flexaxis track rec.nc --model axis.toml --identify k_T --identify 1/J_l --identify k

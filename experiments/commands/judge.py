@@ -15,15 +15,16 @@ def compare(args: Args) -> int:
     r"""Test whether one estimator is better or worse than another, and set the exit status.
 
     Both estimators run on the same records, and the command compares their scores seed by seed. If
-    you give two folders of finished runs, the command compares the runs with common seeds; the
-    scenarios and versions of both runs must agree. docs/gate.md explains the statistics.
+    you give the folders of two finished runs, the command compares the seeds that both runs
+    contain. Both runs must have the same scenarios and versions. docs/gate.md explains the
+    statistics.
 
     With --match-std, both estimators are first tuned to the same noise as rpem-forgetting, and only
     the lag is compared. Both estimators must then have a tuning parameter (docs/scores.md).
 
-    exit status: 0 no regression; 1 worse; 2 wrong use; 70 a crash; 3 undecided, but only with
-    --strict, or if at least two more runs of the candidate diverge, or if the candidate fails in
-    more cases or lacks runs
+    exit status: 0 no regression; 1 worse; 2 wrong use; 70 a crash; 3 undecided (only with --strict,
+    or if the candidate has at least two more diverged runs than the base, more failed cases, or
+    missing runs)
 
     example:
       flexaxis compare --base old.py:Mine --candidate new.py:Mine
@@ -94,7 +95,7 @@ def tune(args: Args) -> int:
 
 @command("estimator")
 def check(args: Args) -> int:
-    """Check that an estimator follows the rules that are necessary for valid scores.
+    """Check that an estimator follows the rules for valid scores.
 
     The rules concern array shapes, finite numbers, the agreement of `step` and `run`, look-ahead,
     gaps and more. For each broken rule, the command prints the reason for the rule and a hint. The
@@ -119,7 +120,7 @@ def check(args: Args) -> int:
 
 @command("path")
 def new(args: Args) -> int:
-    """Write a template for your own estimator; the template itself is an estimator that works.
+    """Write a template for your own estimator; the template is itself a working estimator.
 
     In Python, the template is a class. In C and GNU Octave, the template is a program that
     communicates through a pipe; docs/pipes.md describes the protocol for other languages.

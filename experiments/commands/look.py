@@ -66,10 +66,10 @@ def demo(args: Args) -> int:
 
     Estimator A is the paper's method, and estimator B is the recommended estimator. Press "motor
     friction f_m × 2": the diagram on the right shows the remaining errors of both estimators and
-    the theoretical limit. You can pause and step through the fault, change λ, Δ, μ, noise and dry
-    friction, or choose other estimators.
+    the theoretical limit. You can pause the axis, simulate single steps, change λ, Δ, μ, noise and
+    dry friction, and choose other estimators.
 
-    The page can only be opened on this computer, and needs no network. docs/demo.md explains how to
+    The page needs no network, and can be opened only on this computer. docs/demo.md explains how to
     show the page to a class.
 
     example:

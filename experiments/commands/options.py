@@ -15,7 +15,7 @@ Main = Callable[[Args], int]
 
 
 COMMANDS: dict[str, tuple[Main, tuple[str, ...]]] = {}
-"""Function and names of the options of each command, keyed by the name of the command."""
+"""Function and option names of each command, keyed by the name of the command."""
 
 
 def command(*options: str) -> Callable[[Main], Main]:
@@ -37,7 +37,7 @@ def command(*options: str) -> Callable[[Main], Main]:
 
 
 def part(text: str) -> tuple[int, int]:
-    """Parse "I/N": return the number I of a shard and the total number N of shards."""
+    """Parse "I/N" into the shard number I and the number of shards N."""
     number, every = map(int, text.split("/"))
     if not 1 <= number <= every:
         raise ValueError(text)
@@ -95,31 +95,36 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "demo: --estimator E": (f"{ESTIMATOR}. Give the option twice; both estimators run on the same "
                             "data (default: the estimators of the lesson, else rpem-forgetting and "
                             "glr).", SEVERAL),
-    "--base E": "Estimator with which the candidate is compared, such as old.py:Mine.",
-    "--candidate E": "Estimator that is tested against the base, such as new.py:Mine.",
-    "--seeds N|A:B": "Seeds: N seeds from 1000 on, or seeds A to B-1. Tune on 0 to 99, report on "
-    "1000 to 4999 (default: the number of the suite, 8 for single scenarios).",
-    "compare: --seeds N|A:B": "Seeds: N seeds from 1000 on, or seeds A to B-1 (default: the number "
-    "of the suite, 32 for single scenarios, all common seeds of two finished runs).",
-    "tune: --seeds N|A:B": "Seeds: N seeds from 1000 on, or seeds A to B-1 (default: 0:16).",
-    "--sample N": ("Run only N cases, evenly spaced among all cases (default: run all).", ZERO),
+    "--base E": "Estimator to compare the candidate with, such as old.py:Mine.",
+    "--candidate E": "Estimator to test against the base, such as new.py:Mine.",
+    "--seeds N|A:B": "Seeds: N seeds starting at 1000, or the seeds A to B-1. Use the seeds 0 to "
+    "99 for tuning, and 1000 to 4999 for results (default: the number of seeds of the suite, or 8 "
+    "for single scenarios).",
+    "compare: --seeds N|A:B": "Seeds: N seeds starting at 1000, or the seeds A to B-1 (default: "
+    "the number of seeds of the suite, 32 for single scenarios, or the common seeds of two "
+    "finished runs).",
+    "tune: --seeds N|A:B": "Seeds: N seeds starting at 1000, or the seeds A to B-1 (default: "
+    "0:16).",
+    "--sample N": ("Run only N cases, evenly spaced among all cases (default: run all cases).",
+                   ZERO),
     "--seed N": ("Random seed: the same seed gives the same run (default: 0).", ZERO),
     "demo: --seed N": ("Random seed of excitation and noise (default: the lesson's seed, or 0).",
                        WHOLE),
     # how to run
-    "--jobs N": ("Number of worker processes; results do not depend on it (default: one per core, "
-                 "here %(default)s).", {"type": int, "default": os.cpu_count() or 1}),
+    "--jobs N": ("Number of worker processes, which does not affect the results (default: one per "
+                 "core, here %(default)s).", {"type": int, "default": os.cpu_count() or 1}),
     "--dask ADDRESS": "Address of the scheduler of a Dask cluster that runs the cases (default: "
     "processes on this machine).",
     "--shard I/N": ("Run only shard I of N; `flexaxis run --from` merges finished shards (default: "
                     "1/1).", {"type": part, "default": (1, 1)}),
-    "--from DIR": ("Folders of finished shards. The command merges them into the folder of -o, and "
-                   "runs no cases (default: none).", {"dest": "shards", "nargs": "+", **PATH}),
+    "--from DIR": ("Merge the finished shards in these folders into the folder given by -o, "
+                   "without running any case (default: none).",
+                   {"dest": "shards", "nargs": "+", **PATH}),
     "--overwrite": "Delete the old contents of the folder first (default: keep them, and run only "
     "missing cases).",
     "--time-limit S": ("Time limit for one run of your own code [s] (default: 600).", NUMBER),
     "--dry-run": "Print the variants, the estimated time and the disk space, without running any "
-    "case (default: run).",
+    "case (default: run the cases).",
     # what to list
     "--group GROUP": ("List only one group of scenarios, such as steps (default: all groups).",
                       {"default": ""}),
@@ -130,11 +135,11 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "--max-seeds N": ("Add seeds, up to N, while the verdict is undecided (default: add none).",
                       ZERO),
     "--margin SCORE=%[,…]": (
-        "Largest relative change of a score that is negligible; scores: lag, std, t10, std_after, "
-        "cross_talk and excess (default: lag=2%%,std=2%%).", {"default": ""},
+        "Largest relative change of a score that counts as negligible, for the scores lag, std, "
+        "t10, std_after, cross_talk and excess (default: lag=2%%,std=2%%).", {"default": ""},
     ),
     "--match-std": "Tune both estimators to the same noise first, and compare only the lag "
-    "(default: compare them as they are).",
+    "(default: compare the estimators as they are).",
     "--strict": "Exit with status 3 whenever the verdict is undecided (default: only in the cases "
     "listed above).",
     "--sweep SCENARIO": ("Run several settings of each estimator on this scenario, instead of "
@@ -152,7 +157,7 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "identify: --start PARAMETER=VALUE": ("Start value of a parameter for the search [SI]; repeat "
                                           "the option for several (default: estimated from the "
                                           "log).", VALUES),
-    "track: --start F": ("Initial estimate as a multiple of the identified value; tests "
+    "track: --start F": ("Initial estimate as a multiple of the identified value, to test "
                          "convergence (default: 1).", {"type": float, "default": 1.0}),
     "--delay S": ("Known delay of the torque [s] (default: the delay is identified).", NUMBER),
     "--friction LAW": (
@@ -162,17 +167,18 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "--gravity LAW": ("Gravity torque: none, or sine for a sum of sine and cosine of the angle "
                       "(default: auto, which chooses sine if the log contains such a torque).",
                       {"default": "auto"}),
-    "--validate OTHER": ("Another log, which the identified model simulates and predicts (default: "
-                         "none).", PATH),
+    "--validate OTHER": ("Second log, for testing the simulations and predictions of the "
+                         "identified model (default: none).", PATH),
     "--identify PARAMETER": (
         "Parameter to track, or its inverse, such as 1/J_l; for several, write 1/J_l,k or repeat "
         "the option.", {"required": True, **SEVERAL},
     ),
-    "--covariate NAME": ("Column with a quantity, such as a temperature, that may explain the "
-                         "estimates of a folder of logs; repeat the option for several (default: "
-                         "none).", SEVERAL),
-    "--false-alarms P": ("Probability of reporting a change in a folder of logs if there is none "
-                         "(default: 0.01).", {"type": float, "default": 0.01}),
+    "--covariate NAME": ("Column with a quantity, such as a temperature, that may explain why the "
+                         "estimates differ between the logs of a folder; repeat the option for "
+                         "several (default: none).", SEVERAL),
+    "--false-alarms P": ("Probability of a false alarm: the report on a folder of logs names a "
+                         "change, although no parameter changed (default: 0.01).",
+                         {"type": float, "default": 0.01}),
     # the live axis
     "--port N": ("Port of the page (default: 8080, or the next free port).", WHOLE),
     "--no-browser": "Print only the address of the page (default: open a browser).",
@@ -185,8 +191,8 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "simulate: -o FILE": "File for the record or log (default: SCENARIO-SEED.nc or .csv).",
     "estimate: -o FILE": "File for the estimates (default: RECORD-estimates.nc).",
     "import: -o REC.nc": "File for the record (default: LOG-imported.nc).",
-    "identify: -o AXIS.toml": "File for the axis, or for the table of a folder (default: "
-                               "LOG-axis.toml, or FOLDER-estimates.csv).",
+    "identify: -o AXIS.toml": "File for the identified axis or, for a folder of logs, for the "
+                               "estimates (default: LOG-axis.toml, or FOLDER-estimates.csv).",
     "track: -o EST.nc": "File for the estimates (default: LOG-track.nc).",
     "paper: -o DIR": "Folder for figures and claims (default: results/paper).",
     **LOG_OPTIONS,

@@ -19,7 +19,7 @@ def work(args: Args) -> dict[str, Any]:
 
 @command("names", "--estimator", "--seeds", "--from", *ENGINE)
 def run(args: Args) -> int:
-    r"""Run estimators on scenarios over many seeds, score them, and write a report.
+    r"""Run estimators on scenarios with many seeds, compute scores, and write a report.
 
     SUITE and SCENARIO are names from `flexaxis list`, or paths of TOML files. Without --estimator,
     the command runs the estimators of the suite, or the estimators of the suite smoke if you name
@@ -59,9 +59,9 @@ def run(args: Args) -> int:
 
 @command("file", "--dry-run", *ENGINE)
 def study(args: Args) -> int:
-    r"""Run a study, which sweeps keys of scenarios, faults and estimators over many seeds.
+    r"""Run a study, which varies settings of scenarios, faults and estimators over many seeds.
 
-    STUDY.toml specifies scenarios, estimators, seeds, and the values of each swept key:
+    STUDY.toml specifies scenarios, estimators, seeds, and the values of each setting (swept key):
 
       scenario = "fm_step"
       estimators = ["rpem-forgetting", "glr"]
@@ -117,7 +117,7 @@ def _results(args: Args, results: Any) -> int:
 
 @command("folder")
 def report(args: Args) -> int:
-    """Write report.html again from the results in a folder.
+    """Rewrite report.html from the results in a folder.
 
     example:
       flexaxis report results/smoke
@@ -131,7 +131,7 @@ def rerun(args: Args) -> int:
     """Run cases of a results folder again, and compare the new scores with the stored ones.
 
     Use this command to check your own or somebody else's results. The command does not change the
-    folder. The command runs the code of your own estimators, which must still be at the same path.
+    folder. It runs the code of your own estimators, which must still be at the same path.
 
     exit status: 0 if all scores agree within a relative difference of 1e-6, else 1
 
@@ -152,8 +152,8 @@ def rerun(args: Args) -> int:
 def simulate(args: Args) -> int:
     """Simulate a scenario and save the record: measured signals and true values.
 
-    With --as-log, the command writes a log like that of a real robot instead: without true values,
-    and optionally with other units, jittering time stamps and gaps. Use such a log to practise
+    With --as-log, the command instead writes a log like one from a real robot. The log has no true
+    values, and can have other units, jittering time stamps and gaps. Use such a log to practise
     `import` and `identify`.
 
     example:
@@ -186,8 +186,8 @@ def simulate(args: Args) -> int:
 def estimate(args: Args) -> int:
     """Run an estimator on a record and save the estimates over time.
 
-    The scenario of the record determines the nominal parameters and the period that the estimator
-    receives, the parameters that it estimates, and the signal that it uses.
+    The scenario of the record defines the nominal parameters, the sampling period, the parameters
+    to estimate, and the signal that the estimator reads.
 
     example:
       flexaxis estimate rec.nc --estimator rpem-forgetting -o est.nc

@@ -1,4 +1,4 @@
-"""Simulate the axis in closed loop; parameters, friction, noise and excitation can be changed."""
+"""Simulate an axis in closed loop; parameters, friction, noise and excitation can be changed."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -28,24 +28,24 @@ FRICTION: Mapping[str, Mapping[str, Any]] = {
         }
     },
 }  # fmt: skip
-"""Choices of dry friction: tables of a scenario, keyed by the name of the choice.
+"""Choices of dry friction: the tables of a scenario, keyed by the name of the choice.
 
 For comparison, the rms torque of the motor is 0.85 N m.
 """
 
 EXCITATION = ("on", "stop-and-go", "off")
 SPELL = 10.0
-"""Length of each motion and of each standstill in stop-and-go [s]."""
+"""Length of each motion and each standstill in the mode "stop-and-go" [s]."""
 
 
 class LiveAxis:
-    """An axis in closed loop, which is simulated step by step.
+    """An axis in closed loop that is simulated step by step.
 
     Parameters
     ----------
     seed : int
-        Random seed of the reference phases and the noise. The same seed and the same actions result
-        in the same run.
+        Random seed of the reference phases and the noise. The same seed and the same actions give
+        the same run.
 
     Attributes
     ----------
@@ -58,8 +58,8 @@ class LiveAxis:
     noise : float
         Standard deviation of the noise of the measured speed [rad/s].
     excitation : {"on", "stop-and-go", "off"}
-        Mode of the reference: it moves, it alternates between motion and standstill, or it rests.
-        At rest, the reference keeps its last value.
+        Mode of the reference: motion, alternation between motion and standstill, or standstill. At
+        standstill, the reference keeps its last value.
     """
 
     def __init__(self, *, seed: int = 0) -> None:
@@ -128,9 +128,7 @@ class LiveAxis:
             self._plant.angles[:], self._plant.speeds[:] = old.angles, old.speeds
 
     def advance(self, samples: int) -> tuple[Array, Array, NDArray[np.bool_]]:
-        """Simulate the next samples.
-
-        `samples` is the number of samples.
+        """Simulate the next samples; `samples` is the number of samples.
 
         Returns
         -------

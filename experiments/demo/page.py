@@ -1,4 +1,4 @@
-"""The page of the demo, which shows the axis in 3-D, buttons, sliders, curves and tables."""
+"""The page of the demo, with the axis in 3-D, buttons, sliders, curves and tables."""
 
 import threading
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -31,7 +31,7 @@ SINCE = {"time": False, "distr": 3, "range": (PERIOD, LENGTH * PERIOD)}
 TWIST = 100.0
 """Magnification of the joint twist in the picture."""
 LATEST = 8
-"""Number of changes in the table; it contains the latest ones."""
+"""Number of changes that the table shows; the latest change comes first."""
 
 
 class Page:
@@ -51,8 +51,7 @@ class Page:
     paused : bool
         Whether a viewer has paused the session.
     steps : int
-        Number of single steps (`MARK` samples each) that viewers have requested and that have not
-        been simulated yet.
+        Number of requested single steps (`MARK` samples each) that are not simulated yet.
     """
 
     def __init__(self, server: Any, session: DemoSession, acts: list[dict[str, Any]]) -> None:
@@ -158,7 +157,7 @@ class Page:
     def _on(
         self, control: Any, action: str, *values: str, then: Callable[[], None] = lambda: None
     ) -> None:
-        """Make a control call an action of the session when a viewer selects an allowed value."""
+        """Call an action of the session whenever a viewer sets a control to an allowed value."""
 
         def act(event: Any) -> None:
             value = control.value
@@ -173,7 +172,7 @@ class Page:
             self._session.do(action, *values)
 
     def _show(self, letter: str, sliders: Mapping[str, Any]) -> None:
-        """Show only the sliders for the options of an estimator, and set their current values."""
+        """Show only the sliders for the options of an estimator, with the current values."""
         tuning = self._session.racers["AB".index(letter)].tuning
         for option, slider in sliders.items():
             slider.visible = option in tuning
@@ -184,7 +183,7 @@ class Page:
 
 
 def _plot(gui: Any, title: str, lines: Sequence[tuple[str, str]], **scales: Any) -> Any:
-    """Add a plot of lines, each with a label and a colour; a plot of many lines has no legend."""
+    """Add a plot of lines, each with a label and a colour; a plot of six or more has no legend."""
     series = [
         {"label": label, "stroke": colour, "width": 0.5 if label == EDGE else 1.5}
         for label, colour in lines

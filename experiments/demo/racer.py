@@ -1,4 +1,4 @@
-"""An estimator of the demo, which is constructed from its name and can be tuned while it runs."""
+"""An estimator of the demo that can be tuned while it runs."""
 
 from collections.abc import Mapping
 from contextlib import suppress
@@ -23,9 +23,9 @@ NAMES = PAPER
 SHOWN = (*NAMES, "f_c")
 """Names of the parameters on the page; only estimators that track dry friction estimate f_c."""
 HYPOTHESES = (*SHOWN, "another")
-"""Hypotheses on the page; "another" stands for the most likely of all other parameters."""
+"""Hypotheses on the page; "another" stands for the most likely of the other parameters."""
 WATCHED = sample_index(5.0, PERIOD)
-"""Number of samples after a change in which the probabilities of the hypotheses are recorded."""
+"""Number of samples after a change for which the hypotheses' probabilities are recorded."""
 SETTLE = sample_index(2.0, PERIOD)
 """Settling time of a new predictor [samples]: five times its longest time constant."""
 
@@ -45,18 +45,18 @@ class Racer:
     text : str
         Name of the estimator and its options, as for `--estimator`.
     nominal : AxisParameters
-        Nominal parameter values, which the estimator receives.
+        Nominal parameter values for the estimator.
 
     Attributes
     ----------
     text : str
         Name of the estimator and its options, as for `--estimator`.
     tuning : dict of str to float
-        Current values of the estimator's options that are in `TUNING`, keyed by name.
+        Current values of the options in `TUNING` that the estimator has, keyed by option.
     theta : ndarray (p,)
         Current estimates.
     thoughts : list of ndarray (5,)
-        Probabilities that the parameters in `HYPOTHESES` have jumped; one array for each sample
+        Probabilities that each parameter in `HYPOTHESES` has jumped, with one array for each sample
         since the last call of `watch`.
 
     Raises
@@ -84,7 +84,7 @@ class Racer:
 
     @property
     def deviation(self) -> Array:
-        """Reported standard deviations (4,) of `SHOWN`; NaN for values that are not reported."""
+        """Reported standard deviations (4,) of the parameters `SHOWN`; NaN if not reported."""
         covariance = getattr(self._estimator, "covariance", None)
         if covariance is None:
             return np.full(len(SHOWN), np.nan)
@@ -92,7 +92,7 @@ class Racer:
 
     @property
     def finding(self) -> str:
-        """Description and delay of the first change that was reported since the call of `watch`."""
+        """Description and delay of the first change reported since the last call of `watch`."""
         for finding in getattr(self._estimator, "findings", None) or ():
             if finding.alarm >= self._changed:
                 changes = zip(finding.parameters, finding.ratio, strict=False)
@@ -101,7 +101,7 @@ class Racer:
         return ""
 
     def shown(self, values: Array) -> Array:
-        """Select the columns of `SHOWN` (…, 4) from `values` (…, p).
+        """Return the columns (…, 4) of the parameters `SHOWN`, given all columns (…, p).
 
         A column is NaN if the estimator does not estimate the parameter.
         """
@@ -126,7 +126,7 @@ class Racer:
         return self.shown(np.concatenate(estimates))
 
     def tune(self, option: str, value: float, recent: Array) -> None:
-        """Change an option of the estimator without changing its estimate and its P.
+        """Change an option of the estimator, but keep its estimates and its matrix P.
 
         Parameters
         ----------
@@ -140,8 +140,8 @@ class Racer:
         Raises
         ------
         EstimatorError, FlexaxisError
-            If the estimator has no such option or rejects the value. In this case the estimator
-            does not change.
+            If the estimator has no such option or rejects the value; the estimator then keeps its
+            options.
         """
         if option not in self.tuning:
             raise FlexaxisError(f"{self.text} has no option {option} to tune")
@@ -153,7 +153,7 @@ class Racer:
         """Run a new estimator on recent samples, because the axis is already moving.
 
         `recent` (2, n) contains the torque [N m] and the speed [rad/s]. The first speed samples are
-        passed as missing. During this gap, the predictor uses only the torque, and the error of its
+        marked as missing. During this gap, the predictor uses only the torque, and the error of its
         initial state (at rest) decays.
         """
         self._seen = 0
@@ -175,7 +175,7 @@ class Racer:
         return np.array([*known, max(bank.values(), default=0.0)])
 
     def _build(self, tuning: Mapping[str, float]) -> Estimator:
-        """Make a new estimator with the options `tuning`, which starts at the current estimates."""
+        """Make a new estimator with the options `tuning` that starts at the current estimates."""
         values = dict(self._nominal)
         for (parameter, exponent), value in zip(map(physical, NAMES), self.theta, strict=False):
             values[parameter] = float(value) ** exponent

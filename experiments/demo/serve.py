@@ -18,10 +18,10 @@ from flexaxis.sim.files import read_text, toml_tables
 from flexaxis.sim.timing import PERIOD, sample_index
 
 HOST, PORT = "127.0.0.1", 8080
-MAX_MESSAGE = 2**16  # largest message of a viewer [bytes]; those of the page are 100 times smaller
+MAX_MESSAGE = 2**16  # largest message from a browser [bytes]; usual ones are 100 times smaller
 FRAMES = 30  # number of frames of the 3-D picture per second
 CURVES = 4  # number of updates of curves and numbers per second
-BEHIND = 0.25  # largest delay for which the simulation makes up [s]
+BEHIND = 0.25  # largest delay that the simulation makes up for [s]
 WARM = 8.0  # simulated time before the page is drawn [s]; the estimators settle in this time
 
 
@@ -42,7 +42,7 @@ def serve(
     estimators : sequence of str
         Two estimators, as for `--estimator` (default: the estimators of the lesson).
     lesson : Path, optional
-        Path of a TOML file with timed actions, which replace clicks.
+        Path of a TOML file with timed actions that replace clicks.
     seed : int, optional
         Random seed (default: the seed of the lesson, or 0).
     port : int, optional
@@ -84,10 +84,10 @@ def serve(
 
 
 def load_lesson(path: Path) -> dict[str, Any]:
-    """Read a lesson, and return its tables ``[[act]]`` in order of time, and its other keys.
+    """Read a lesson, and return its content with the tables ``[[act]]`` in order of time.
 
-    The other keys are ``estimators`` and ``seed``. Each ``[[act]]`` contains a time ``at`` [s] and
-    the name ``do`` of an action, which is one of `flexaxis.experiments.demo.session.ACTIONS`. The
+    A lesson can also contain the keys ``estimators`` and ``seed``. Each ``[[act]]`` contains a time
+    ``at`` [s] and the name ``do`` of an action in `flexaxis.experiments.demo.session.ACTIONS`. The
     optional keys of an ``[[act]]`` are ``with``, the arguments of the action, and ``say``, a
     message that the page shows.
 
@@ -137,7 +137,7 @@ def start(port: int | None = None) -> Any:
 
 @contextmanager
 def _own_pages_only() -> Iterator[None]:
-    """Make websocket servers that start in this context refuse other Host and Origin headers.
+    """Make websocket servers that start in this context reject connections from other pages.
 
     Without this check, any other page in the browser could connect to the demo, either directly or
     using a host name that resolves to this computer (DNS rebinding). viser provides no such check.

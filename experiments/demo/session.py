@@ -21,7 +21,7 @@ MARK = 20
 SPAN = 40.0
 """Length of the time window that the curves show [s]."""
 RECENT = SETTLE + sample_index(3.0, PERIOD)
-"""Number of past samples that a newly chosen estimator processes first."""
+"""Number of past samples that a newly selected estimator processes first."""
 DEFAULT_RACERS = ("rpem-forgetting", RECOMMENDED)
 """The paper's method and the recommended estimator."""
 
@@ -48,7 +48,7 @@ class DemoSession:
     estimators : sequence of str
         Two estimators, as for `--estimator`.
     seed : int
-        Random seed. The same seed and the same actions result in the same run.
+        Random seed. The same seed and the same actions give the same run.
 
     Attributes
     ----------
@@ -59,7 +59,7 @@ class DemoSession:
     factors : dict of str to float
         Current faults: ratios of parameters to their nominal values, keyed by parameter.
     changes : list of Change
-        Changes of the axis so far, and the errors of the estimators after them.
+        All changes of the axis so far, each with the errors of the estimators after it.
     message : str
         Description of the last action or error.
 
@@ -107,7 +107,7 @@ class DemoSession:
         return dict(zip(names, columns, strict=True))
 
     def do(self, action: str, *values: Any) -> None:
-        """Call a method in `ACTIONS`, and set `message` to its description or its error message."""
+        """Perform an action in `ACTIONS`, and set `message` to its description or error."""
         try:
             if action not in ACTIONS:
                 raise FlexaxisError(unknown("action", action, ACTIONS))
@@ -125,7 +125,7 @@ class DemoSession:
             )
         if self.factors.get(parameter) == factor:
             raise FlexaxisError(
-                f"{parameter} already is {factor:g} × nominal: repair everything first"
+                f"{parameter} is already {factor:g} × nominal: repair everything first"
             )
         before, factors = self.axis.theta(SHOWN), self.factors | {parameter: factor}
         self.axis.set_factors(factors)

@@ -21,7 +21,7 @@ LENGTH = sample_index(WINDOW, PERIOD)
 
 
 class Change:
-    """The errors of both estimators since a change, and lower bounds of the errors.
+    """The errors of both estimators after a change, and lower bounds of these errors.
 
     The errors are divided by the size of the change. They are close to 1 just after the change, and
     0 if an estimate is correct. If an estimator does not estimate the changed parameter, its error
@@ -34,14 +34,14 @@ class Change:
     what : str
         Description of the change.
     before : ndarray (4,)
-        True values of `SHOWN` before the change.
+        True values of the parameters `SHOWN` before the change.
 
     Attributes
     ----------
     at : int
         Index of the first sample after the change.
     parameter : str or None
-        Name of the parameter in `SHOWN` that changed most, or None if none of them changed.
+        Name of the parameter in `SHOWN` that changed most, or None if no parameter changed.
     curves : ndarray (n, 4)
         Absolute errors of both estimators, and two Cramér–Rao bounds of the mean absolute error,
         for at most 5 s after the change. The first bound is for an estimator that knows which
@@ -82,7 +82,7 @@ class Change:
         Parameters
         ----------
         estimates : sequence of ndarray (n, 4)
-            Estimates of `SHOWN` of each estimator.
+            Estimates of the parameters `SHOWN` by each estimator.
         torque : ndarray (n,)
             Torque [N m].
         excited : ndarray (n,)

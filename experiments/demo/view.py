@@ -42,8 +42,7 @@ def view(
     Parameters
     ----------
     run : str, Path, Scenario or Record
-        Scenario (or its name or path), which is simulated first, or a record that `simulate` or
-        `load` returned.
+        Record to show, or a scenario (or its name or path), which is simulated first.
     seed : int
         Random seed of the simulation.
     at : float
@@ -51,8 +50,7 @@ def view(
     exaggerate : float
         Magnification of the twist; 1 shows the true angles.
     picture : str or Path, optional
-        Path of a PNG file, which is written instead of opening a window. Writing a file does not
-        require a display.
+        Path of a PNG file to write instead of opening a window. A PNG file needs no display.
 
     Returns
     -------
@@ -99,7 +97,7 @@ def poses(record: Record, *, exaggerate: float) -> Array:
     angles = [getattr(record, f"true_angle_{name[2:]}") for name in values if name[0] == "J"]
     if not angles or any(each is None for each in angles):
         raise OutputError(
-            "the record has no true angles, so it cannot be shown: use one of `flexaxis simulate`"
+            "the record has no true angles, so it cannot be shown: use a record of a simulation"
         )
     ratio = values.get("r", 1.0)
     return exaggerated(np.column_stack(angles), ratio=ratio, exaggerate=exaggerate)
@@ -134,7 +132,7 @@ def _draw(mujoco: Any, model: Any, data: Any, path: Path) -> None:
 
 
 def _replay(mujoco: Any, model: Any, data: Any, angles: Array, period: float) -> None:
-    """Replay the angles (N, n) [rad] in a window in real time, unless the window is closed."""
+    """Replay the angles (N, n) [rad] in a window, in real time; closing it ends the replay."""
     try:
         viewer = import_module("mujoco.viewer").launch_passive(model, data)
     except Exception as error:

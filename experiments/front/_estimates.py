@@ -47,7 +47,7 @@ class Estimate:
     theta : ndarray (N, p)
         Estimates in SI units; θ[k] is computed from y[0] to y[k].
     record : Recording
-        The record on which the estimator ran.
+        The record that the estimator processed.
     scenario : Scenario
         The scenario that contains the estimator's nominal values.
     findings : sequence or None
@@ -84,15 +84,15 @@ class Estimate:
         return true_values(self.names, self.record, slice(None))
 
     def plot(self, *names: str, ax: Any = None, band: bool = True) -> Any:
-        """Draw estimates as a function of time, one panel per parameter, with dashed true values.
+        """Draw the estimates over time, one panel per parameter; true values are dashed.
 
         Parameters
         ----------
         *names : str
             Parameters to draw (default: all).
         ax : matplotlib axes, or several, optional
-            Axes to draw on, such as the axes that the `plot` of another estimate returned (default:
-            new axes).
+            Axes to draw on, such as those returned by the `plot` method of another estimate
+            (default: new axes).
         band : bool
             Whether to draw a band of ± 2 reported standard deviations.
 
@@ -166,8 +166,8 @@ def estimate(
     record : Record, str or Path
         A record from `simulate` or `load`, or the path of an ``.nc`` file.
     estimator : str or class
-        A name that `flexaxis.estimators()` lists, any text that ``--estimator`` accepts, or a class
-        of your own, of which an instance is constructed for the record.
+        A name from `flexaxis.estimators()`, any text that ``--estimator`` accepts, or a class of
+        your own, which is instantiated for the record.
     scenario : str, Path or Scenario, optional
         Scenario that contains the estimator's nominal values (default: the scenario of the record).
 
@@ -211,12 +211,12 @@ def estimate(
 def score(
     record: Record | Estimate | str | Path, estimator: EstimatorLike = "rpem-forgetting"
 ) -> pd.DataFrame:
-    """Return the scores of an estimate, which are the scores that `benchmark` computes for a seed.
+    """Return the scores of one estimate, as `benchmark` computes them for one seed.
 
     Parameters
     ----------
     record : Estimate, Record, str or Path
-        A result of `estimate`, or a record on which the estimator is run before scoring.
+        A result of `estimate`, or a record that the estimator processes first.
     estimator : str or class
         The estimator to run, as for `estimate`. If `record` is an `Estimate`, this argument is
         ignored.
@@ -229,12 +229,12 @@ def score(
     Raises
     ------
     RecordError
-        If the record contains no true parameters, because only simulated records can be scored.
+        If the record has no true parameters. Only simulated records can be scored.
 
     Notes
     -----
-    Faults and true values are always taken from the record, even if the estimator ran with the
-    nominal values of another scenario.
+    The faults and true values always come from the record, even if the estimator used the nominal
+    values of another scenario.
     """
     result = record if isinstance(record, Estimate) else estimate(record, estimator)
     known, scenario = result.record, result.record.definition
@@ -244,13 +244,13 @@ def score(
         scenario, known, result.names, result.theta, result._claimed, result._innovations,
         result.findings,
     )  # fmt: skip
-    # A row contains the rms error as std. Pooling subtracts the mean error, as for many runs.
+    # In a single row, std is the rms error. Pooling subtracts the mean error, as for many runs.
     lines = [row | pool_columns(columns_of([row]), ["std"]) for row in rows(track)]
     return pd.DataFrame(lines).assign(estimator=result.estimator)[[*SCORES]]
 
 
 def check(estimator: EstimatorLike) -> pd.DataFrame:
-    """Check that an estimator follows the rules: no look-ahead, `step` equals `run`, and others.
+    """Check that an estimator follows the rules, such as no look-ahead and finite estimates.
 
     Parameters
     ----------

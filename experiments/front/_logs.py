@@ -27,7 +27,7 @@ Log = Any  # a path, a record, or what `import_log` returned
 
 @dataclass(frozen=True, repr=False, eq=False)
 class LogResult:
-    """The result for a log, with a table, sentences that begin with a mark, and figures.
+    """The result of `import_log`, `identify` or `track`: a table, sentences and figures.
 
     Attributes
     ----------
@@ -40,13 +40,13 @@ class LogResult:
     table : DataFrame
         Table with one row per check, per parameter or per log.
     write : callable
-        ``write(path)`` writes the record, axis, estimates or table to a file.
+        Function that writes the record, axis, estimates or table to a file, given its path.
     status : int
         Exit status of the command; 1 if the command reports a finding.
     record : Record or None
         The record that was read from the log.
     axis : Axis or None
-        The identified axis; the method `save` of this axis writes the file that the commands read.
+        The identified axis; its method `save` writes the axis file that the commands read.
     """
 
     result: Any
@@ -59,7 +59,7 @@ class LogResult:
     axis: Any = None
 
     def save(self, path: str | Path) -> Path:
-        """Write the result to a file and a report page next to the file; return the page's path."""
+        """Write the result to a file and a report page next to it; return the page's path."""
         self.write(Path(path))
         page = Path(path).with_suffix(".html")
         self.page.write(page)
@@ -85,7 +85,7 @@ class LogResult:
 
 
 def _read(log: Log, options: Mapping[str, Any] | None) -> importing.Imported:
-    """Return the record of a log and its checks; print the problems that may distort estimates."""
+    """Read a log, and print the problems that may distort estimates."""
     if not isinstance(log, str | Path):
         return importing.Imported(getattr(log, "record", log), ())  # type: ignore[arg-type]
     result = importing.import_log(Path(log), **(options or {}))
@@ -99,7 +99,7 @@ def _axis(model: Any) -> Any:
 
 
 def import_log(path: str | Path, **columns: Any) -> LogResult:
-    """Read a log and check its data quality; this is `flexaxis import` in Python.
+    """Read a log and check the quality of its data, like the command `flexaxis import`.
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ def identify(
     columns: Mapping[str, Any] | None = None,
     **options: Any,
 ) -> LogResult:
-    """Identify an axis from one log or a folder of logs; this is `flexaxis identify` in Python.
+    """Identify an axis from one log or a folder of logs, like the command `flexaxis identify`.
 
     Parameters
     ----------
@@ -140,18 +140,19 @@ def identify(
         table contains one row per log, and the findings describe the effect of a covariate and any
         change of a parameter.
     model : str, path or Axis
-        Name of a shipped model, path of a TOML file of your own, or an axis.
+        Name of a built-in model, path of your own TOML file, or an axis.
     start : mapping of str to float, optional
-        Values at which the search starts.
+        Start values of the search, keyed by parameter.
     fix : mapping of str to float or None, optional
-        Parameters to hold constant, each at the given value, or at the nominal value for None.
+        Values of the parameters to hold constant; None stands for the nominal value.
     validate : path or record, optional
-        Another log, with which simulation and prediction by the identified model are compared.
+        Second log, for testing the simulations and predictions of the identified model.
     covariates : sequence of str
-        Names of columns in the logs of a folder that may explain differences between the estimates,
-        such as a temperature.
+        Names of columns, such as a temperature, that may explain why the estimates differ between
+        the logs of a folder.
     false_alarms : float
-        Probability that a change is reported for a folder of logs without a change.
+        Probability of a false alarm: the result for a folder of logs reports a change, although no
+        parameter changed.
     columns : mapping, optional
         Options that describe the format of the log, as for `import_log`.
     **options
@@ -194,7 +195,7 @@ def track(
     start: float = 1.0,
     columns: Mapping[str, Any] | None = None,
 ) -> LogResult:
-    """Track parameters along a log with a recursive estimator; this is `flexaxis track` in Python.
+    """Track parameters in a log with a recursive estimator, like the command `flexaxis track`.
 
     Parameters
     ----------
@@ -207,7 +208,7 @@ def track(
     estimator : str, optional
         Estimator to use (default: ekf, or glr for an axis with dry friction).
     start : float
-        Initial estimate, divided by the identified value.
+        Ratio of the initial estimate to the identified value.
     columns : mapping, optional
         Options that describe the format of the log, as for `import_log`.
     """

@@ -39,13 +39,12 @@ class Recording(Record):
         return tuple(n for n in SIGNALS if n != "time" and getattr(self, n) is not None)
 
     def plot(self, *signals: str, ax: Any = None) -> Any:
-        """Draw signals as a function of time, one panel per signal.
+        """Draw signals over time, one panel per signal.
 
         Parameters
         ----------
         *signals : str
-            Names of signals in `signals` (default: the torque, and the signal that estimators
-            read).
+            Names of the signals to draw (default: the torque, and the signal that estimators read).
         ax : matplotlib axes, or several, optional
             Axes to draw on (default: new axes).
 
@@ -64,7 +63,7 @@ class Recording(Record):
         return draw(panels, ax, self.definition)
 
     def save_log(self, path: Path, style: LogStyle) -> None:
-        """Write a CSV log without true values; `style` defines the units and the clock."""
+        """Write a CSV log without true values; `style` defines units, jitter, gaps and counts."""
         write_log(path, self, style, stream(self.hash, self.seed or 0, "log"))
 
     def to_dataframe(self) -> pd.DataFrame:
@@ -81,7 +80,7 @@ class Recording(Record):
 
 
 def axes_for(ax: Any, count: int) -> Any:
-    """Return `ax` as an array or, if `ax` is None, an array of new axes in one column."""
+    """Return `ax` as an array, or make a column of new axes if `ax` is None."""
     if ax is None:
         from matplotlib import pyplot
 
@@ -97,8 +96,8 @@ def draw(
 ) -> Any:  # fmt: skip
     """Draw one panel of curves for each entry of `panels`.
 
-    If `ax` is None, new axes are made, in which the faults and the burn-in of the scenario are
-    marked. The result is an axes for one panel, and an array of axes for several panels.
+    If `ax` is None, the function makes new axes, and marks the faults and the burn-in of the
+    scenario. It returns one axes for one panel, and an array of axes for several panels.
     """
     marks = around(scenario) if scenario and ax is None else {}
     axes = axes_for(ax, len(panels))
@@ -107,14 +106,14 @@ def draw(
 
 
 def simulate(scenario: str | Path | Scenario, /, *, seed: int = 0, **changes: Any) -> Recording:
-    """Return the record of one run of a scenario.
+    """Simulate one run of a scenario, and return its record.
 
     Parameters
     ----------
     scenario : str, Path or Scenario
-        A name that `flexaxis.scenarios()` lists, the path of a TOML file, or a scenario.
+        A name from `flexaxis.scenarios()`, the path of a TOML file, or a scenario.
     seed : int
-        Random seed. Two runs with the same seed are equal to the last bit.
+        Random seed. Runs with the same seed are identical to the last bit.
     **changes
         New values of scenario keys, written as in a study:
         ``**{"fault[0].factor": 2, "duration": 12.0}``.
@@ -142,7 +141,7 @@ def simulate(scenario: str | Path | Scenario, /, *, seed: int = 0, **changes: An
 
 
 def changed(scenario: str | Path | Scenario, changes: Mapping[str, Any]) -> Scenario:
-    """Return a scenario with some values replaced."""
+    """Return a scenario with the values of some keys replaced."""
     result = scenario if isinstance(scenario, Scenario) else find_scenario(str(scenario))
     return result.override(changes) if changes else result
 
@@ -153,13 +152,13 @@ def load(path: str | Path) -> Any:
     Parameters
     ----------
     path : str or Path
-        File that `Recording.save` or ``flexaxis simulate`` wrote, or folder that ``flexaxis run``,
-        ``flexaxis study`` or `benchmark` wrote.
+        File from `Recording.save` or ``flexaxis simulate``, or folder from ``flexaxis run``,
+        ``flexaxis study`` or `benchmark`.
 
     Returns
     -------
     Recording or Results
-        Record for a file, and results for a folder.
+        The record in a file, or the results in a folder.
 
     Raises
     ------
@@ -243,7 +242,7 @@ class Axis:
     def __init__(self, scenario: Scenario, *, seed: int = 0) -> None:
         if scenario.delay.torque_ticks:
             raise FlexaxisError(
-                f"{scenario.name} delays the torque, but an axis that you step by hand applies it "
+                f"{scenario.name} delays the torque, but this axis applies the torque of your code "
                 "at once: delay the torque yourself, and remove `delay` from the scenario"
             )
         seed = seed_of(seed)
@@ -304,8 +303,8 @@ def make_axis(
     Parameters
     ----------
     scenario : str, Path or Scenario
-        Scenario with the plant, faults and sensors. The controller of the scenario is not used; you
-        provide the torque.
+        Scenario with the plant, faults and sensors. Your code replaces the controller of the
+        scenario.
     seed : int
         Random seed of the onset and of the noise.
     **changes

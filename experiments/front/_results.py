@@ -36,11 +36,11 @@ SHOWN = (
     "scenario", "estimator", "parameter", "lag", "lag_interval", "t10", "std", "bias", "score",
     "diverged", "failed", "runs",
 )  # fmt: skip
-"""Columns of a table of pooled scores; the table of a study also contains the swept keys."""
+"""Columns of the table of pooled scores; the table of a study also contains the swept keys."""
 TURNED = (
     "scenario", "parameter", "setting", "lag", "lag_interval", "std", "lag_bound", "diverged",
 )  # fmt: skip
-"""Columns of a table with one row per setting."""
+"""Columns of the table of a sweep, which has one row per setting."""
 
 
 class Results(engine.Results):
@@ -48,9 +48,9 @@ class Results(engine.Results):
 
     @property
     def table(self) -> pd.DataFrame:
-        """Pooled scores of the parameters that changed, or of all parameters without a change.
+        """Pooled scores of the parameters that changed, or of all parameters if none changed.
 
-        Intervals are computed from the scatter between seeds; std and bias are in % of nominal.
+        The intervals follow from the scatter between seeds; std and bias are in % of nominal.
         """
         rows = self.scores()
         changed = rows.query("changed")
@@ -68,7 +68,7 @@ class Results(engine.Results):
         Parameters
         ----------
         sample : int
-            Approximate number of cases to run, at equal distances in the list; 0 for all cases.
+            Approximate number of cases to run, evenly spaced in the list; 0 runs all cases.
         **work
             ``jobs`` and ``time_limit``, as for `benchmark`.
 
@@ -82,7 +82,7 @@ class Results(engine.Results):
             return rerun(self, runner, sample)
 
     def plot(self, x: str = "", *, ax: Any = None) -> Any:
-        """Draw the lag after a fault as a function of the noise, or of a swept key of a study.
+        """Draw the lag after a fault against the noise, or against a swept key of a study.
 
         Parameters
         ----------
@@ -129,26 +129,26 @@ def benchmark(
     folder: Place = None,
     **work: Any,
 ) -> Results:
-    """Run estimators on scenarios for many seeds, and score their estimates.
+    """Run estimators on scenarios with many seeds, and compute the scores of the estimates.
 
     Parameters
     ----------
     estimators : str, class, or several of them
-        Names that `flexaxis.estimators()` lists, any texts that ``--estimator`` accepts, or classes
-        of your own (default: the estimators of the suite).
+        Names from `flexaxis.estimators()`, any texts that ``--estimator`` accepts, or classes of
+        your own (default: the estimators of the suite).
     scenarios : str, Path, Scenario, or several of them
         Names of scenarios and suites, paths of TOML files, or scenarios.
     seeds : int, str or iterable of int
-        Number of seeds, of which the first is 1000; a range such as ``"0:20"``; or a list of seeds
-        (default: the number of seeds that the suite defines).
+        Number of seeds (the first seed is 1000), a range such as ``"0:20"``, or a list of seeds
+        (default: the number of seeds of the suite).
     folder : str or Path, optional
         Folder for the rows, summary.json and report.html. With a folder, the estimators of a suite
         are also compared at equal noise. Without a folder, the rows are kept in memory.
     **work
-        ``jobs`` (number of processes, default 1), ``shard`` (number of the part to run, and number
-        of parts), ``dask`` (address of a scheduler), ``overwrite`` (whether to delete old results
-        in `folder`, default False), and ``time_limit`` (time limit for one run of an estimator of
-        your own [s], default 600).
+        ``jobs`` (number of processes, default 1), ``shard`` (number of the shard to run, and number
+        of shards), ``dask`` (address of a scheduler), ``overwrite`` (whether to delete old results
+        in `folder`, default False), and ``time_limit`` (time limit for one run of your own
+        estimator [s], default 600).
 
     Returns
     -------
@@ -158,9 +158,9 @@ def benchmark(
     Raises
     ------
     FlexaxisError, EstimatorError
-        If a name does not exist, or an estimator cannot be constructed. The failure of an estimator
-        on a record raises no error; the rows of this case contain the error message
-        (`Results.failures`).
+        If a name does not exist, or an estimator cannot be constructed. An estimator that fails on
+        a record raises no error; the rows of that case contain the error message (see
+        `Results.failures`).
     """
     suite = select(scenarios)
     numbers, texts = seeds_of(seeds, suite.seeds), texts_of(estimators)
@@ -170,7 +170,7 @@ def benchmark(
 
 
 def study(definition: str | Path | dict[str, Any], *, folder: Place = None, **work: Any) -> Results:
-    """Run a study, which sweeps keys of scenarios, faults and estimators.
+    """Run a study, which varies settings of scenarios, faults and estimators.
 
     Parameters
     ----------
@@ -200,7 +200,7 @@ def study(definition: str | Path | dict[str, Any], *, folder: Place = None, **wo
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Comparison:
-    """The verdict on a candidate that was compared with a base.
+    """The comparison of a candidate estimator with a base estimator.
 
     Attributes
     ----------
@@ -209,7 +209,7 @@ class Comparison:
         ``headline``, ``advice``, ``rows`` and ``legend``.
     status : int
         Exit status of the command: 1 if the candidate is worse; 3 if the verdict is undecided and
-        the candidate has missing runs, or more failed or lost runs than the base; 0 otherwise.
+        the candidate has missing runs, or more failed or diverged runs than the base; 0 otherwise.
     """
 
     content: dict[str, Any]
@@ -225,7 +225,7 @@ class Comparison:
         return pd.DataFrame(self.content["rows"])
 
     def plot(self, *, ax: Any = None) -> Any:
-        """Draw the change of each score, with the interval and the margin.
+        """Draw the change of each score with its interval and margin.
 
         Parameters
         ----------
@@ -256,27 +256,27 @@ def compare(
     folder: Place = None,
     **work: Any,
 ) -> Comparison:
-    """Test whether a candidate is better or worse than a base by running both on the same records.
+    """Run two estimators on the same records, and test whether the candidate is better or worse.
 
     Parameters
     ----------
     base, candidate : str or class
         Estimators, as for `benchmark`.
     scenarios : str, Path, Scenario, or several of them
-        Scenarios to run. A scenario on which either estimator cannot run is left out, and the
-        headline of the comparison mentions an omission that concerns only one estimator.
+        Scenarios to run. The comparison leaves out scenarios on which an estimator cannot run. The
+        headline mentions the scenarios on which only one of the two estimators cannot run.
     seeds, **work
         Options with the same meaning as for `benchmark`.
     runs : two paths, optional
-        Folders of two finished runs. These runs are compared, and nothing is run.
+        Folders of two finished runs to compare; in this case, no estimator is run.
     max_seeds : int
-        Largest number of seeds; seeds are added up to this number while the verdict is undecided.
+        Largest number of seeds. While the verdict is undecided, seeds are added up to this number.
     match_std : bool
         Whether to tune both estimators to the same noise, and then compare only the lag. The noise
         is the std of the parameter that changes or, if several parameters change, the excess
         prediction error.
     margins : mapping of str to float, optional
-        Largest relative change of each score that counts as negligible, such as ``{"lag": 0.05}``
+        Largest relative change that counts as negligible, keyed by score, such as ``{"lag": 0.05}``
         (default: 0.02 for lag and std, 0.2 for bias).
     folder : str or Path, optional
         Folder for the rows, compare.json, verdict.md and report.html.
@@ -320,9 +320,8 @@ class Sweep:
     Attributes
     ----------
     content : dict
-        Dict with the same key ``tradeoff`` as in summary.json. ``tradeoff`` contains ``points``
-        (one row per setting) and ``matched`` (one row per estimator, at the noise of
-        rpem-forgetting).
+        Dict with the key ``tradeoff``, as in summary.json. ``tradeoff`` contains ``points`` (one
+        row per setting) and ``matched`` (one row per estimator, at the noise of rpem-forgetting).
     """
 
     content: dict[str, Any]
@@ -333,7 +332,7 @@ class Sweep:
         return pd.DataFrame(self.content["tradeoff"]["points"])[[*TURNED]]
 
     def plot(self) -> Any:
-        """Draw the lag as a function of the noise: one panel per fault, one line per estimator."""
+        """Draw the lag against the noise: one panel per fault, one line per estimator."""
         found = self.content["tradeoff"]
         return figures.speed_noise(faults_of(found["points"]), fault_words(found))
 
@@ -359,8 +358,8 @@ def tune(
     *estimators : str
         Estimators to tune (default: all registered estimators with a tuning parameter).
     sweep : str, Path, Scenario, or several of them
-        Scenarios with a fault. If scenarios are given, the estimators are not tuned, but run on
-        these scenarios at several settings.
+        Scenarios with a fault. If given, the function does not tune the estimators, but runs them
+        on these scenarios at several settings.
     seeds : int, str or iterable of int
         Seeds, as for `benchmark`.
     folder : str or Path, optional
@@ -373,9 +372,9 @@ def tune(
     Returns
     -------
     DataFrame or Sweep
-        One row per estimator. The columns are ``estimator, problem, setting, knob, value, match``
-        and ``ratio``, the noise of the estimator divided by the noise of the reference. ``problem``
-        is the reason why no setting matches, or empty. With `sweep`, the result is a `Sweep`.
+        One row per estimator, or a `Sweep` if `sweep` is given. The columns are ``estimator,
+        problem, setting, knob, value, match`` and ``ratio``, the noise of the estimator divided by
+        the noise of the reference. ``problem`` is the reason why no setting matches, or empty.
     """
     numbers = seeds_of(seeds, 16)
     names, lines = estimators or [n for n, entry in REGISTRY.items() if entry.knob], []
