@@ -1,8 +1,9 @@
 """Write the tables of docs/results.md: `python docs/results.py [--seeds 3000:3020] [--jobs 2]`.
 
-Each table is one run, stored in results/docs. All pooled rows are written to docs/data/results.csv.
-With 20 seeds this takes about half an hour on two cores. To resume an interrupted run, repeat the
-command. `--picture` draws docs/images/fm_step.png of the README instead.
+The script runs the estimators once for each table and stores the runs in results/docs. It writes
+all pooled rows to docs/data/results.csv. With 20 seeds the script takes about half an hour on two
+cores. To resume an interrupted run, repeat the command. With `--picture`, the script only draws
+docs/images/fm_step.png, the figure of the README.
 """
 
 import argparse
@@ -22,7 +23,7 @@ from flexaxis.experiments.running.study import Study
 
 HERE = Path(__file__).parent
 PAGE, ROWS = HERE / "results.md", HERE / "data" / "results.csv"
-UKF = "ukf"  # docs/examples/ukf.py, a user-written estimator
+UKF = "ukf"  # name of docs/examples/ukf.py in the tables
 AXIS = ("fm_step", "fm_double", "ja_step", "kt_step", "two_faults", "encoder_fm_step",
         "coulomb_fm_step", "coulomb_fc_step", "lugre_fm_step", "cogging_fm_step",
         "backlash_fm_step", "told_kg_fm_step", "load_friction_fm_step")  # fmt: skip
@@ -31,13 +32,13 @@ RUNS = {
                     "rpem-forgetting")),
     "drives": ("drives", ("glr", "glr[gear=true]", "ekf", "rpem-forgetting")),
 }  # fmt: skip
-"""Scenarios and estimators of each table."""
+"""The scenarios and the estimators of each table."""
 KEPT = ["table", "scenario", "estimator", "parameter", "changed", "runs", "lag", "lag_bound",
         "t10", "bias", "std", "cross_talk", "diverged"]  # fmt: skip
 
 
 def pooled(name: str, seeds: str, jobs: int) -> pd.DataFrame:
-    """Return the scores of one table, pooled over seeds."""
+    """Return the scores of one table, pooled over the seeds."""
     scenarios, estimators = RUNS[name]
     folder = HERE.parent / "results" / "docs" / name
     results = fx.benchmark(estimators, scenarios=scenarios, seeds=seeds, folder=folder, jobs=jobs)
@@ -60,7 +61,7 @@ def table(rows: pd.DataFrame) -> str:
 
 
 def cell(row: dict) -> str:
-    """Return the text of a cell: lag, its ratio to the bound, bias, std, detections, lost runs."""
+    """Return the text of a table cell: lag / bound, bias, std, detections and lost runs."""
     times = f" ({row['lag'] / row['lag_bound']:.2g} ×)" if row["lag_bound"] > 0 else ""
     parts = [f"{row['lag']:.2g} s{times}", f"{row['bias']:+.2g} ± {row['std']:.2g} %"]
     if isinstance(heard := row["detection"], dict):
@@ -72,7 +73,10 @@ def cell(row: dict) -> str:
 
 
 def write(rows: pd.DataFrame, seeds: str) -> None:
-    """Insert the tables into the page, between `<!-- table: NAME -->` and `<!-- end -->`."""
+    """Insert the tables into docs/results.md, and write the pooled rows to docs/data/results.csv.
+
+    Each table is inserted between the lines `<!-- table: NAME -->` and `<!-- end -->`.
+    """
     text = PAGE.read_text(encoding="utf-8")
     below = f"\n*`python docs/results.py --seeds {seeds}`, flexaxis {version('flexaxis')}.*\n"
     for name, part in rows.groupby("table"):
@@ -89,7 +93,7 @@ def write(rows: pd.DataFrame, seeds: str) -> None:
 
 
 def draw_picture() -> None:
-    """Draw the estimates of two estimators around a fault: median and 10–90 % of thirty runs."""
+    """Draw median and 10–90 % range of two estimators' estimates around a fault in thirty runs."""
     scenario, window = find_scenario("fm_step-v1"), (5.0, 20.0)
     seeds = tuple(range(1000, 1030))
     study = Study("fm_step", (scenario,), ("rpem-forgetting", RECOMMENDED), seeds)
@@ -108,7 +112,7 @@ if __name__ == "__main__":
     options = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     options.add_argument("--seeds", default="3000:3020", help="seeds FROM:TO (default 3000:3020)")
     options.add_argument("--jobs", type=int, default=2, help="worker processes (default 2)")
-    options.add_argument("--picture", action="store_true", help="draw the picture of the README")
+    options.add_argument("--picture", action="store_true", help="only draw the README figure")
     chosen = options.parse_args()
     if chosen.picture:
         draw_picture()

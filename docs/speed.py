@@ -1,7 +1,8 @@
 """Measure the tables of docs/speed.md: `python docs/speed.py [--steps 200000]`.
 
-All estimators are timed in turn, in several rounds within one process, by processor time of the
-thread. Machines differ and are shared, so quote the ratios. The script takes a few minutes.
+The script measures the processor time of all estimators in turn, in several rounds within one
+process. Absolute times depend on the machine and its load, so quote the ratios of times. The script
+takes a few minutes.
 """
 
 import argparse
@@ -27,7 +28,7 @@ UNIT = "rpem-forgetting"
 
 
 def micro(work, samples):
-    """Return the time per sample [µs]: the shorter of two, because other processes may disturb."""
+    """Return the shorter of two times per sample [µs], because other processes may interfere."""
     times = []
     for _ in range(2):
         start = time.thread_time()
@@ -37,14 +38,14 @@ def micro(work, samples):
 
 
 def exponential():
-    """Return the time of one matrix exponential of the extended system (22), (23) [µs]."""
+    """Return the time [µs] of one matrix exponential of the extended system (22), (23)."""
     model = three_mass(dict(SCENARIO.nominal)).parametrize(SCENARIO.identify)
     F = extended_system(model, model.theta)[0] * SCENARIO.period
     return micro(lambda: [expm(F) for _ in range(500)], 500)
 
 
 def estimators():
-    """Return the times per sample of `run` and `step` [µs] by estimator, as medians over rounds."""
+    """Return, for each estimator, the median times per sample [µs] of `run` and `step`."""
     record = fx.simulate(SCENARIO, seed=0)
     u, y = record.torque, record.speed
     made = {name: build(parse(name), SCENARIO) for name in REGISTRY}
@@ -62,7 +63,7 @@ def estimators():
 
 
 def speed():
-    """Return the table of all estimators."""
+    """Return the rows of the table that shows the computing times of all estimators."""
     times = estimators()
     unit, rows = times[UNIT][0], [["", "`run` [µs]", f"times `{UNIT}`", "`step` [µs]"], ["---"] * 4]
     for name, (run, step) in times.items():
@@ -72,9 +73,9 @@ def speed():
 
 
 def longest(steps):
-    """Return percentiles of the times of single `glr` steps, with a fault every 20 s.
+    """Return a table with percentiles of the times of single `glr` steps.
 
-    Each step is timed twice, and the shorter time counts.
+    A fault occurs every 20 s. Each step is timed twice, and the shorter time counts.
     """
     record = fx.simulate(SCENARIO, seed=0)
     passes = []
@@ -94,7 +95,7 @@ def longest(steps):
 
 
 def write(name, rows, command):
-    """Insert a table into the page, between its markers."""
+    """Insert a table into docs/speed.md, between the markers with the name of the table."""
     text = PAGE.read_text(encoding="utf-8")
     table = "".join(f"| {' | '.join(row)} |\n" for row in rows)
     below = f"\n*`{command}`, flexaxis {version('flexaxis')}.*\n"
@@ -105,7 +106,7 @@ def write(name, rows, command):
 
 if __name__ == "__main__":
     options = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    options.add_argument("--steps", type=int, default=200_000, help="steps of glr (default 200000)")
+    options.add_argument("--steps", type=int, default=200_000, help="glr steps (default 200000)")
     steps = options.parse_args().steps
     write("estimators", speed(), "python docs/speed.py")
     write("steps", longest(steps), f"python docs/speed.py --steps {steps}")

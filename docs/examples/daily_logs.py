@@ -1,8 +1,9 @@
 """Simulate daily logs of a robot axis with wear and warm-up: `python daily_logs.py FOLDER`.
 
-The axis is a published one (`wg_fc_step-v1`) and performs the same motion of 20 s every morning.
-Its friction falls by 1 % per kelvin. From day 30 to day 60 its dry friction grows by 12 %. Each log
-has a column `temp`. FOLDER/axis.toml contains data-sheet values with errors of up to 5 %.
+The script simulates a published axis (`wg_fc_step-v1`) that performs the same motion of 20 s every
+morning. The friction falls by 1 % per kelvin, and from day 30 to day 60 the dry friction grows by
+12 %. Each log has a column `temp`. The file FOLDER/axis.toml contains data-sheet values with errors
+of up to 5 %.
 """
 
 import sys
@@ -27,7 +28,7 @@ motion = find_scenario("wg_fc_step-v1").override({"fault": [], "duration": 20.0}
 nominal = dict(motion.initial)
 for day in range(DAYS):
     kelvin = rng.normal(0, 6)
-    warm = (1 + PER_KELVIN) ** kelvin * np.exp(rng.normal(0, 0.01, 2))  # and 1 % from day to day
+    warm = (1 + PER_KELVIN) ** kelvin * np.exp(rng.normal(0, 0.01, 2))  # 1 % daily scatter
     worn = 1 + WEAR * np.clip((day + 1 - FROM) / (DAYS - FROM), 0, 1)
     friction = {
         "parameters.f_m": nominal["f_m"] * warm[0],
@@ -40,7 +41,8 @@ for day in range(DAYS):
     name = f"{date(2026, 1, 1) + timedelta(days=day)}.csv"
     log.to_csv(folder / name, index=False, float_format="%.10g")
 
-# A data sheet: only torque constant and gear ratio, which a log cannot determine, are exact.
+# In the data sheet, only the torque constant and the gear ratio are exact, because a log cannot
+# determine them.
 law = replace(three_mass(nominal), laws=(STATIC,))
 sheet = {name: v * (1 + rng.uniform(-0.05, 0.05)) for name, v in law.nominal.items()}
 axis = Axis(law, {"model": "three_mass"}, known=True)

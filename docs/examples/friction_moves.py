@@ -1,4 +1,4 @@
-"""Estimate friction from a work cycle, with k_T either estimated or known."""
+"""Estimate the motor friction from a work cycle, first with unknown and then with known k_T."""
 
 import numpy as np
 

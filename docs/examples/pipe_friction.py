@@ -1,8 +1,8 @@
-"""A flexaxis estimator as a separate program: `pipe:python docs/examples/pipe_friction.py`.
+"""An estimator that is a separate program: `pipe:python docs/examples/pipe_friction.py`.
 
-It estimates the motor friction f_m with a predictor of the axis and its sensitivity to f_m. The
-program depends on flexaxis only through the protocol of binary blocks. `flexaxis new` writes
-similar programs in C and Octave.
+The program estimates the motor friction f_m. It predicts the motor speed and computes the
+sensitivity of this prediction to f_m. The program does not import flexaxis, but uses the protocol
+of binary blocks. `flexaxis new` writes similar programs in C and Octave.
 """
 
 import struct
@@ -15,17 +15,18 @@ take, give = sys.stdin.buffer.read, sys.stdout.buffer.write
 
 
 def name():
-    """Read a name: 32 bytes, padded with zeros."""
+    """Read a name of 32 bytes, padded with zeros, from stdin."""
     return take(32).rstrip(b"\0").decode()
 
 
-# The header contains period and nominal values; the answer names output and estimated parameters.
-take(16)  # FLEXAXIS, version, byte order
+# The header contains the period and the nominal values. The answer contains the output and the
+# names of the estimated parameters.
+take(16)  # skip FLEXAXIS, version and byte order
 T, output, values, names = struct.unpack("<dIII", take(20))
 n = {name(): struct.unpack("<d", take(8))[0] for _ in range(values)}
-take(32 * names)  # parameters to identify
+take(32 * names)  # skip the names of the parameters to identify
 give(struct.pack("<8sIIII32s", b"FLEXAXIS", 1, 0x01020304, 1, 0, b"f_m"))
-sys.stdout.flush()  # otherwise the answer would stay in a buffer
+sys.stdout.flush()  # otherwise the answer would remain in a buffer
 
 # x = [twist motor-gear, twist gear-arm, speeds of motor, gear and arm]
 r = n["r"]
@@ -44,7 +45,7 @@ dA[2, 2] = -1 / n["J_m"]
 theta, forgetting = n["f_m"], 0.995
 low, high = 0.1 * theta, 10 * theta
 P = 1e-3 * (1 - forgetting)
-X = np.zeros(11)  # sensitivity of x, x, and the held input
+X = np.zeros(11)  # sensitivity of x, then x, then the input
 
 while count := take(8):
     samples = np.frombuffer(take(16 * struct.unpack("<Q", count)[0]), "<f8").reshape(-1, 2)
@@ -53,7 +54,7 @@ while count := take(8):
         M[:5, :5] = M[5:10, 5:10] = A + theta * dA
         M[:5, 5:10], M[5:10, 10] = dA, B
         X = expm(M * T) @ X
-        X[10] = u  # acts from now on
+        X[10] = u  # u acts from now on
         if not np.isnan(y):  # y is NaN in a gap
             psi = X[2]
             gain = P * psi / (1 + psi * P * psi)

@@ -1,27 +1,29 @@
-"""An unscented Kalman filter as a user-written estimator, without imports from flexaxis.
+"""A user-written estimator without imports from flexaxis: an unscented Kalman filter.
 
     flexaxis check docs/examples/ukf.py:Ukf
     flexaxis run headline --estimator ekf --estimator docs/examples/ukf.py:Ukf
 
 R. van der Merwe and E. A. Wan, *The square-root unscented Kalman filter for state and
-parameter-estimation*, ICASSP 2001. This version uses the covariance itself and alpha = 1.
+parameter-estimation*, ICASSP 2001. This file uses the covariance matrix
+instead of its square root, and alpha = 1.
 """
 
 import numpy as np
 
-TERMS = 16  # terms of the exponential series: exact to rounding with two substeps of 2.5 ms
+TERMS = 16  # terms of the exponential series; exact up to rounding with two substeps of 2.5 ms
 SUBSTEPS = 2
 
 
 class Ukf:
-    """Joint filter for relative parameters (modelled as random walks) and the state of the axis."""
+    """Estimate relative parameters (random walks) and the state of the axis in a joint filter."""
 
     names = ("k_T", "1/J_a", "f_m")  # entries of theta
     output = "speed"  # meaning of y
     knob = "walk"  # tuning parameter that trades noise for speed
 
     def __init__(self, nominal, period, *, walk=0.001162, spread=0.2):
-        # walk: std of the change of a relative parameter in 1 s; spread: its initial std
+        # walk: std of the change of a relative parameter in 1 s; spread: initial std of the
+        # parameter
         self.nominal, self.period = dict(nominal), period
         self.start = np.array([nominal["k_T"], 1 / nominal["J_a"], nominal["f_m"]])
         self.bounds = (0.1 * self.start, 10 * self.start)
@@ -33,24 +35,24 @@ class Ukf:
 
     @property
     def theta(self):
-        """The estimate (3,)."""
+        """Return the estimates of the parameters (3,)."""
         return self.xi[:3] * self.start
 
     @property
     def covariance(self):
-        """Covariance of theta, (3, 3)."""
+        """Return the covariance of theta (3, 3)."""
         return self.P[:3, :3] * np.outer(self.start, self.start)
 
     def step(self, u, y):
-        """Take torque u[k] and speed y[k] (None in a gap); return theta[k]."""
+        """Process the torque u[k] and the speed y[k] (None in a gap), and return theta[k]."""
         if y is not None:
             self._measure(y)
         theta = self.theta
-        self._move(u)  # u[k] is held from now on and first acts on y[k+1]
+        self._move(u)  # u[k] acts from now on and first affects y[k+1]
         return theta
 
     def _measure(self, y):
-        """Update with y; the speed is a state, so its moments are entries of xi and P."""
+        """Update xi and P with the speed y. The speed is a state, so no sigma points are needed."""
         residual = y - self.xi[5]
         self._learn_noise(residual)
         if self.samples < 20:  # too few samples to estimate the noise
@@ -62,10 +64,13 @@ class Ukf:
         self.P = self.P - variance * np.outer(gain, gain)
 
     def _learn_noise(self, residual):
-        """Estimate R over 2 s; differences remove the smooth residual due to wrong parameters."""
+        """Estimate the noise variance over 2 s.
+
+        Third differences of the residual remove the slow part, which is due to wrong parameters.
+        """
         self.last = np.append(self.last[1:], residual)
         self.samples += 1
-        limit = 9 * (self.P[5, 5] + self.noise) if self.samples > 20 else np.inf  # limits faults
+        limit = 9 * (self.P[5, 5] + self.noise) if self.samples > 20 else np.inf  # against faults
         new = np.array([residual, (self.last @ [-1, 3, -3, 1]) / np.sqrt(20)]) ** 2
         self.squares += (np.minimum(new, limit) - self.squares) / min(
             self.samples, 2.0 / self.period
@@ -73,9 +78,9 @@ class Ukf:
         self.noise = max(min(self.squares), 1e-300)
 
     def _move(self, u):
-        """Propagate sigma points through the sampled model and take their mean and covariance."""
+        """Propagate sigma points through the sampled model, and take their mean and covariance."""
         sizes = np.sqrt(np.diag(self.P))
-        units = np.where(sizes > 0, sizes, 1.0)  # scale P to a correlation matrix
+        units = np.where(sizes > 0, sizes, 1.0)  # scales P to a correlation matrix
         values, vectors = np.linalg.eigh(self.P / np.outer(units, units))
         root = (units[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))).T
         reach = np.sqrt(len(root)) * np.vstack([0 * root[:1], root, -root])
@@ -86,7 +91,7 @@ class Ukf:
         weights = np.r_[2.0, np.full(len(apart) - 1, 1 / (len(apart) - 1))]
         self.P = (weights * apart.T) @ apart + self.W
         shrink = np.ones(8)
-        shrink[:3] = 1 / np.sqrt(np.maximum(1.0, np.diag(self.P)[:3]))  # at most 100 %
+        shrink[:3] = 1 / np.sqrt(np.maximum(1.0, np.diag(self.P)[:3]))  # std at most 100 %
         self.P *= np.outer(shrink, shrink)
 
     def _sampled(self, eta, x, u):

@@ -2,9 +2,9 @@
 Two estimators after a fault: motor friction rises by 50 % at 10 s
 ==================================================================
 
-The method with a forgetting factor adapts all parameters, with a memory of one second. `glr`
+The method with a forgetting factor adapts all parameters with a memory of one second. `glr`
 determines which parameter jumped and when, and changes only the estimate of this parameter. The
-bands show the reported standard deviations (±2σ).
+bands (±2σ) show the standard deviations that the estimators report.
 """
 
 import flexaxis as fx

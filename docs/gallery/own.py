@@ -2,7 +2,8 @@
 Your own estimator: the shipped method, with estimates smoothed over half a second
 ==================================================================================
 
-You can use any class with `names`, `output` and `step`. Figures and tables show the class name.
+Your estimator may be any class with the members `names`, `output` and `step`. Figures and tables
+show the name of the class.
 """
 
 import flexaxis as fx
@@ -11,7 +12,7 @@ from flexaxis.estimators.offline.priors import known_P
 
 
 class Gentle:
-    """The recursive method, followed by a low-pass filter."""
+    """Smooth the estimates of the recursive prediction-error method with a low-pass filter."""
 
     names, output = ("k_T", "1/J_a", "f_m"), "speed"
 

@@ -2,8 +2,8 @@
 The trade-off between lag and noise for several forgetting factors
 ==================================================================
 
-You cannot rank estimators by a single setting of each, because every estimator can be made faster
-at the cost of more noise.
+A comparison of estimators at a single setting is not fair, because every estimator can be made
+faster at the cost of more noise.
 """
 
 import matplotlib.pyplot as plt

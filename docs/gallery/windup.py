@@ -2,9 +2,10 @@
 Standstill: P winds up with forgetting, and regularisation limits it
 ====================================================================
 
-From 10 to 30 s the axis is at rest, and forgetting divides $P$ by λ in every sample. Without a
-limit, the next measurement could then change the estimates arbitrarily. The regularisation μ limits
-$P$ to (1 − λ)/μ. Without regularisation, only the ceiling of the shipped filter limits $P$.
+From 10 to 30 s the axis is at rest, and forgetting divides $P$ by λ in every sample. If $P$ had no
+limit, the first measurements after the standstill could change the estimates by any amount. The
+regularisation μ limits $P$ to (1 − λ)/μ. Without regularisation, only the option `ceiling` of the
+filter limits $P$.
 """
 
 import matplotlib.pyplot as plt

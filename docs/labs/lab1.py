@@ -1,8 +1,8 @@
-"""Lab 1: the model, its poles, and a comparison of the simulated axis with the equations."""
+"""Lab 1: the model, the poles, and a comparison of the simulated axis with the equations."""
 
 # %% The equations
 # The axis consists of three masses and two springs. Its states are two twists and three speeds.
-# Write down A and B before you continue (paper, equations 3 and 4); `r` is the gear ratio.
+# Write down A and B before you continue (equations 3 and 4 of the paper). `r` is the gear ratio.
 import matplotlib.pyplot as plt
 import mujoco
 import numpy as np
@@ -30,21 +30,21 @@ A = np.array(
 B = np.array([0, 0, k_T / J_m, 0, 0])
 
 # %% The poles
-# Two pairs of poles oscillate, and one pole is real.
-# Question 1: what is the time constant with which each mode decays?
+# There are two pairs of complex poles and one real pole.
+# Question 1: what is the time constant of the decay of each mode?
 poles = np.linalg.eigvals(A)
 for pole in sorted(poles, key=abs):
     print(f"{pole:24.2f}   |pole| {abs(pole):6.1f} rad/s   time constant {-1 / pole.real:.3f} s")
 
 # %% The same matrix from MuJoCo
-# MuJoCo's model consists of bodies, joints and tendons; MuJoCo does not use A. Set each state to 1
-# in turn, and compute the accelerations.
+# The model in MuJoCo consists of bodies, joints and tendons and does not use A. The following code
+# sets each state to 1 in turn, and computes the accelerations.
 model = mujoco.MjModel.from_xml_string(model_files("three_mass")[0])
 data = mujoco.MjData(model)
 
 
 def accelerations(twist_g, twist_a, speeds, torque):
-    """Return the accelerations (3,) of the masses, given the twists, the speeds and the torque."""
+    """Return the accelerations (3,) of the masses for given twists, speeds and torque."""
     phi_a = 0.0
     phi_g = phi_a + twist_a
     phi_m = (phi_g + twist_g) / r
@@ -61,9 +61,9 @@ difference = np.abs(engine - equations).max() / np.abs(equations).max()
 print(f"largest difference of MuJoCo from A and B: {difference:.1e} of the largest matrix entry")
 
 # %% The same motion
-# The torque is constant over each sample of 5 ms. The exact solution requires one matrix
-# exponential, while MuJoCo takes five Runge–Kutta steps per sample.
-# Question 2: why is `expm` exact here, and when would `expm` not be exact?
+# The torque is constant over each sample of 5 ms. The exact solution needs only one matrix
+# exponential, while MuJoCo computes five Runge–Kutta steps per sample.
+# Question 2: why does `expm` give the exact solution, and when would it not be exact?
 rng = np.random.default_rng(1)
 torque = np.repeat(rng.standard_normal(100), 20)
 held = np.zeros((6, 6))

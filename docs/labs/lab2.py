@@ -1,7 +1,7 @@
 """Lab 2: the gradient, and the frequencies that contain the information (equation 28)."""
 
 # %% Data
-# The record contains data of the axis in closed loop, 40 s long and without faults.
+# The record contains 40 s of data from the axis in closed loop, without faults.
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -17,15 +17,15 @@ names = ("k_T", "1/J_a", "f_m")
 model = three_mass(scenario.nominal.as_dict()).parametrize(names)
 
 # %% The gradient over time
-# psi is the derivative of the predicted speed with respect to a parameter. If psi of a parameter is
-# small, the parameter can be estimated only slowly, or only with much noise.
+# psi is the derivative of the predicted speed with respect to a parameter. If psi is small, the
+# estimate of the parameter is slow or noisy.
 y_hat, psi = predict(model, model.theta, record.torque, period=0.005)
 time_average = np.mean(psi[-4000:] ** 2, axis=0)  # two whole periods, 20 s, in steady state
 for name, power in zip(names, time_average, strict=True):
     print(f"mean square of psi for {name:6s} {power:8.1f}")
 
 # %% Is psi the derivative?
-# Always compare a gradient with finite differences before you trust it.
+# Always compare a gradient with finite differences before you use the gradient.
 step = 1e-5 * model.theta[2]
 only_f_m = np.array([0, 0, step])
 up = predict(model, model.theta + only_f_m, record.torque, period=0.005)[0]
@@ -34,8 +34,8 @@ error = np.abs((up - down) / (2 * step) - psi[:, 2]).max() / np.abs(psi[:, 2]).m
 print(f"psi of f_m against a central difference: {error:.1e}")
 
 # %% The same number from the spectrum
-# Equation (28): multiply the power of each spectral line of the torque by the squared magnitude of
-# the sensitivity at the frequency of the line, and sum the products of all lines.
+# To evaluate equation (28), multiply the power of each spectral line of the torque by the squared
+# magnitude of the sensitivity at the frequency of this line, and add the products of all lines.
 omega, power = line_spectrum(record.torque[-4000:], period=0.005)
 from_spectrum = np.diag(information(model, model.theta, omega, power, period=0.005))
 ratio = time_average / from_spectrum
@@ -43,7 +43,7 @@ print("time average over sum of (28):", ratio.round(4))
 
 # %% Contribution of each frequency
 # Question 1: which frequencies contain the information about J_a, and which about friction?
-# Question 2: excitation causes wear. Which band would you omit if you only needed f_m?
+# Question 2: excitation causes wear. Which frequency band would you omit if you only needed f_m?
 _, slopes = frequency_response(model, model.theta, omega, period=0.005)
 share = np.cumsum(np.abs(slopes) ** 2 * power[:, None], axis=0)
 share /= share[-1]

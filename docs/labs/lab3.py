@@ -2,7 +2,8 @@
 
 # %% Theory in two lines
 # With forgetting, P converges to (1 - lambda) Q^-1 (equation 29), the variance of the estimate is
-# sigma^2 P / 2, and an error decays as lambda^k. You can predict all of this before an experiment.
+# sigma^2 P / 2, and an error decays as lambda^k. You can predict these three results before an
+# experiment.
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -29,8 +30,8 @@ Q = information(
 )
 
 # %% Experiment
-# The motor friction rises by 50 % at 30 s. We measure the noise of the estimate before the fault,
-# and its lag after the fault.
+# The motor friction rises by 50 % at 30 s. We measure the noise of the estimate before the fault
+# and the lag of the estimate after the fault.
 rows = []
 for forgetting in LAMBDAS:
     P = steady_P(Q, forgetting=forgetting)
@@ -47,8 +48,9 @@ for forgetting in LAMBDAS:
 
 # %% Comparison of theory and experiment
 # Question 1: by which factor does the standard deviation change if the memory is half as long?
-# Question 2: the lag is longer than the memory T/(1 - lambda). Which assumption fails?
-# (0.999 is an exception: the lag is measured over 5 s after the fault, so it cannot exceed 5 s.)
+# Question 2: the lag is longer than the memory T/(1 - lambda). Which assumption is wrong?
+# (lambda = 0.999 is an exception: the lag cannot exceed 5 s, the time after the fault over which it
+# is measured.)
 print("lambda   std theory   std measured   lag [s]   T/(1-lambda) [s]")
 for forgetting, theory, measured, lag in rows:
     print(

@@ -1,9 +1,9 @@
-"""Lab 4: design Delta of each parameter for a desired tracking speed."""
+"""Lab 4: choose an entry of Delta for each parameter to get a desired tracking speed."""
 
 # %% The design rule
 # Covariance modification adds Delta to P in every sample (equation 10). In steady state
-# P Q P = Delta (equation 30), and an error decays as exp(-P Q k). Therefore a desired time constant
-# tau_i (in samples) requires Delta_ii = 1/(tau_i^2 Q_ii).
+# P Q P = Delta (equation 30), and an error decays as exp(-P Q k). For a desired time constant tau_i
+# (in samples), choose Delta_ii = 1/(tau_i^2 Q_ii).
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -29,11 +29,11 @@ print(f"correlation of k_T and f_m: {correlation:.2f}")
 
 
 # %% Three designs
-# The time constant of f_m is 0.5, 1 and 2 s in the three designs; the time constant of the other
+# In the three designs, the time constant of f_m is 0.5, 1 and 2 s. The time constant of the other
 # two parameters is always 2 s.
-# Question 1: how does the noise of f_m change, and how does the noise of k_T change?
+# Question 1: how do the noise of f_m and the noise of k_T change from design to design?
 def experiment(tau):
-    """Return times, predicted and measured errors of f_m after the fault (1000,), and its noise."""
+    """Return times, predicted and measured errors of f_m after the fault (1000,), and the noise."""
     Delta = drift_for([2.0, 2.0, tau], Q, period=0.005)
     P = steady_P(Q, drift=Delta)
     after = T * np.arange(1000)
@@ -50,8 +50,8 @@ def experiment(tau):
 results = {tau: experiment(tau) for tau in (0.5, 1.0, 2.0)}
 
 # %% Predicted and measured
-# Question 2: the off-diagonal elements of Q slow the tracking of f_m. What would a full matrix
-# Delta change (`drift_for(..., coupled=True)`)?
+# Question 2: the off-diagonal elements of Q make the tracking of f_m slower. What would be
+# different with a full matrix Delta (`drift_for(..., coupled=True)`)?
 lags = {}
 for tau, (after, predicted, measured, noise) in results.items():
     (line,) = plt.plot(after, measured, label=f"tau {tau} s")

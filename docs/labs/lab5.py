@@ -1,8 +1,8 @@
 """Lab 5, windup and mu: the behaviour of an estimator while the axis is at rest."""
 
 # %% A pause
-# The axis moves for 10 s, rests for 20 s, and moves again. While the axis is at rest, the motor
-# friction increases by 50 %.
+# The axis moves for 10 s, is at rest for 20 s, and moves again. While the axis is at rest, the
+# motor friction increases by 50 %.
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -20,19 +20,19 @@ truth = axis.parametrize(names).theta * [1, 1, 1.5]
 
 
 # %% Three values of mu
-# While psi is zero, forgetting divides P by lambda in every sample. In 20 s, P is therefore divided
-# by 0.995^4000.
+# While psi is zero, forgetting divides P by lambda in every sample. In 20 s, forgetting therefore
+# divides P by 0.995^4000.
 # Question 1: by which factor does P grow?
-# Question 2: at which value of P does equation (12) stop the growth?
+# Question 2: at which value does equation (12) stop the growth of P?
 def run(mu):
-    """Return the largest eigenvalue of P (N,), and the estimates / true values (N, 3)."""
+    """Return the largest eigenvalue of P (N,), and the estimates divided by true values (N, 3)."""
     rpem = Rpem(
         axis,
         P0=known_P(names, forgetting=FORGETTING),
         forgetting=FORGETTING,
         regularization=mu,
         period=0.005,
-        ceiling=np.inf,  # as in the paper, only mu limits P
+        ceiling=np.inf,  # so that only mu limits P, as in the paper
     )
     trace = rpem.trace(record.torque, record.speed)
     return np.linalg.eigvalsh(trace.P)[:, -1], trace.theta / truth
@@ -52,7 +52,7 @@ below.set_xlabel("time [s]")
 plt.show()
 
 # %% The error after the restart
-# Question 3: how does a mu that is far too large affect the estimates while the axis moves?
+# Question 3: what is the effect of a much too large mu on the estimates while the axis moves?
 print("  mu     peak of P   (1-lambda)/mu   largest error of k_T, 1/J_a after the restart")
 for mu, (largest, theta) in results.items():
     bound = (1 - FORGETTING) / mu if mu else np.inf

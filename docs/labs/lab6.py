@@ -1,4 +1,4 @@
-"""Lab 6, find the fault: detect it, reset P, and compare the lag with the Cramér–Rao bound."""
+"""Lab 6: detect a fault, reset P, and compare the lag with the Cramér–Rao bound."""
 
 # %% Data and initial settings
 import matplotlib.pyplot as plt
@@ -25,18 +25,19 @@ records = simulate(scenario, range(1000, 1008))
 
 
 # %% A detector
-# Without a fault, the mean of epsilon^2 divided by its expected value is 1. In every sample, the
-# detector adds this ratio minus DRIFT = 1.5 to a sum, so the sum grows only after a change. An
-# alarm is raised when the sum exceeds THRESHOLD.
+# Without a fault, the ratio of epsilon^2 to its expected value has the mean 1. In every sample, the
+# detector adds this ratio minus DRIFT = 1.5 to a sum, so the sum grows only after a change. When
+# the sum exceeds THRESHOLD, the detector raises an alarm.
 # Question 1: what are the advantages and disadvantages of a small DRIFT and THRESHOLD?
-# A reset causes a transient, so for DEAF samples after an alarm no further alarm is raised.
+#
+# A reset causes a transient, so the detector raises no other alarm for DEAF samples after an alarm.
 DRIFT, THRESHOLD, CLIP, DEAF = 1.5, 20.0, 9.0, 400
 
 
 def follow(record, *, reset):
     """Return the estimates (N, 3) and the samples of the alarms.
 
-    At each alarm, P is multiplied by `reset`.
+    Each alarm multiplies P by `reset`.
     """
     rpem = Rpem(axis, P0=P0, forgetting=0.995, period=0.005)
     theta, alarms, total = np.empty((len(record.torque), 3)), [], 0.0
@@ -52,7 +53,7 @@ def follow(record, *, reset):
 
 
 def lag(theta):
-    """Return the lag of f_m [s]: |error| / size of the fault, integrated over 5 s."""
+    """Return the lag of f_m [s]: |error| / (size of the fault), integrated over 5 s."""
     return T * np.sum(np.abs(theta[onset : onset + after, 2] - truth[2])) / size
 
 
@@ -63,8 +64,8 @@ false = sum(k < onset for _, alarms in quick for k in alarms)
 print(f"detected after {1000 * np.median(delays):.0f} ms, {false} false alarms in 80 s")
 
 # %% The bound
-# Even an estimator that knows the time of the jump and the state at that time needs data, because
-# psi is zero at the time of the jump. The Cramér–Rao bound for such an estimator is
+# Assume that an estimator knows the time of the jump and the state at that time. Even such an
+# estimator needs data, because psi is zero at the jump. The Cramér–Rao bound for this estimator is
 # C(n) = sigma^2 (P_b^-1 + sum psi psi')^-1.
 record = records[0]
 transition, gain, output = sampled_system(model, truth, T)
@@ -82,8 +83,8 @@ for n, u in enumerate(record.torque[onset : onset + after]):
 lag_bound = T * np.minimum(1, np.sqrt(2 / np.pi) * bound / size).sum()
 
 # %% Comparison of forgetting, reset and bound
-# Question 2: how could you improve the method: with faster alarms, or with a better reaction to an
-# alarm?
+# Question 2: how could you improve the method more: with faster alarms, or with a better reaction
+# to an alarm?
 lag_plain = np.mean([lag(theta) for theta, _ in plain])
 lag_quick = np.mean([lag(theta) for theta, _ in quick])
 print(f"lag: forgetting {lag_plain:.2f} s, with reset {lag_quick:.2f} s, bound {lag_bound:.3f} s")
@@ -97,13 +98,13 @@ plt.legend()
 plt.show()
 
 # %% Nominal values that are 5 % off
-# So far the estimators used the exact values of the springs, dampers and inertias, which are never
-# known in practice. In a second scenario, each of these values has a random error of 5 %, which
-# depends on the seed; the axis and the records are the same. `glr` is the recommended estimator: it
+# So far the estimators used exact values of the springs, dampers and inertias. In practice, these
+# values are never known exactly. In a second scenario, each value has a random error of 5 % that
+# depends on the seed. The axis and the records are the same. `glr` is the recommended estimator. It
 # detects the fault, identifies the changed parameter and corrects the estimate of this parameter.
-# Question 3: what causes the error before the fault? Would more data help?
-# Question 4: what do the errors of glr in k_T, J_a and f_m have in common, and why do these errors
-# make its lag longer than the bound?
+# Question 3: what causes the error before the fault? Would more data reduce the error?
+# Question 4: what do the errors of k_T, J_a and f_m in glr have in common? Why do these errors make
+# the lag of glr longer than the bound?
 twin = find_scenario("known5_fm_step-v1")
 estimators = {
     "forgetting": lambda values: Rpem(three_mass(values), P0=P0, forgetting=0.995, period=T),

@@ -1,8 +1,9 @@
-"""Lab 7, viscous or dry? Two kinds of friction that a linear model cannot distinguish."""
+"""Lab 7: viscous and dry friction, which a linear model cannot distinguish."""
 
 # %% Data
 # The friction of the motor is the sum of viscous friction, f_m v, and dry friction, f_c sign(v),
-# with f_c = 0.1 N m. At 10 s, f_m increases by 50 % in the first records, and f_c in the others.
+# with f_c = 0.1 N m. At 10 s, f_m increases by 50 % in three records, and f_c increases by 50 % in
+# three other records.
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -22,13 +23,13 @@ f_m, f_c = nominal["f_m"], 0.1
 # %% A linear estimator
 # If a line through the origin is fitted to f_c sign(v) by least squares, its slope is
 # f_c E|v| / E v².
-# Question 1: by how much is the estimate of f_m too high? How does this error change at twice the
-# speed?
+# Question 1: by how much is the estimate of f_m too high? How large would this error be at twice
+# the speed?
 P0 = known_P(("k_T", "1/J_a", "f_m"), forgetting=0.995)
 
 
 def linear(record):
-    """Return the estimates (N,) of f_m that an estimator with a linear model computes."""
+    """Return the estimates of f_m (N,) that an estimator with a linear model computes."""
     rpem = Rpem(three_mass(nominal), P0=P0, forgetting=0.995, period=T)
     return rpem.run(record.torque, record.speed)[:, 2]
 
@@ -40,7 +41,8 @@ seen = np.mean([linear(record)[before] for record in records["f_m"]]) / f_m - 1
 print(f"f_m of a linear estimator: {100 * seen:+.0f} %, expected {100 * expected:+.0f} %")
 
 # %% An estimator that knows the friction law, but not the values of f_m and f_c
-# Question 2: the linear estimator attributes both faults to f_m. What does this estimator report?
+# Question 2: the linear estimator attributes both faults to f_m. What does the estimator with the
+# friction law report?
 both = {p: [] for p in records}
 hits = 0
 for p, record in [(p, record) for p, several in records.items() for record in several]:
@@ -72,13 +74,13 @@ plt.show()
 
 
 # %% The best possible accuracy of a motion
-# ψ is now the gradient of the model with dry friction. The smallest possible covariance is the
-# inverse of Σψψᵀ/σ².
-# Question 3: point-to-point moves separate f_m from f_c better than the multisine does. But if
-# certain other parameters are unknown, the moves determine neither f_m nor f_c. Which parameters
+# In this cell, ψ is the gradient of the model with dry friction. The smallest possible covariance
+# is the inverse of Σψψᵀ/σ².
+# Question 3: point-to-point moves separate f_m from f_c better than the multisine does. However,
+# the moves determine neither f_m nor f_c if certain other parameters are unknown. Which parameters
 # are these, and why?
 def least(scenario, record, unknown):
-    """Return the smallest possible std of f_m and of f_c [%] after 10 s, and their correlation."""
+    """Return the smallest possible std of f_m and f_c after 10 s [%], and their correlation."""
     theta = scenario.true_parameters()[0]
     model = true_model(scenario, theta).parametrize(unknown)
     at = model_theta(scenario, unknown, theta)

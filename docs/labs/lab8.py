@@ -1,9 +1,9 @@
-"""Lab 8, what is tracking worth? The effect of an estimator's lag on the controller."""
+"""Lab 8: the benefit of parameter tracking for the controller."""
 
 # %% Data
-# The feed-forward of the controller in these scenarios is the torque that the desired motion
-# requires, (f_m v + J a) / k_T. In the first scenario f_m increases by 50 % during the run, and in
-# the second the inertia of the arm doubles.
+# The controller in these scenarios has a feed-forward, the torque (f_m v + J a) / k_T that the
+# desired motion requires. In the first scenario, f_m increases by 50 % during the run. In the
+# second scenario, the inertia of the arm doubles.
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -19,8 +19,8 @@ memory = (0.98, 0.99, 0.995, 0.998)
 names = [f"rpem-forgetting[forgetting={x}]" for x in memory]
 
 # %% Without an estimator
-# Question 1: the controller has integral action. Why does the integral action not compensate for
-# the friction that is missing in the feed-forward?
+# Question 1: the controller has integral action. Why does this integral action not compensate for
+# the friction that the feed-forward does not include?
 rows = {}
 for p, scenario in scenarios.items():
     table = fx.benchmark(names, scenarios=scenario, seeds=[seed]).to_dataframe()
@@ -30,8 +30,8 @@ for p, scenario in scenarios.items():
         print(f"{p} {name}: {errors[f'tracking.{name}']:.2f} mrad")
 
 # %% With an estimator
-# Question 2: does the estimator with the smallest lag recover the largest part of the loss? What
-# else matters?
+# Question 2: does the estimator with the smallest lag recover the largest part of the lost
+# accuracy? What other property of the estimates is important?
 # Question 3: even with a lag of 4 s (of at most 5 s), most of the loss due to J_a is recovered. Why
 # is this possible? Which parameters other than J_a has the estimator changed?
 lags, worths = {}, {}
@@ -50,8 +50,8 @@ axis.set(xlabel="lag [s]", ylabel="recovered [%]")
 axis.legend()
 
 # %% Check
-# A controller that uses the true values recovers nearly all of the loss, and the slowest estimator
-# recovers less than the other estimators.
+# A controller that uses the true values must recover nearly all of the lost accuracy, and the
+# slowest estimator must recover less than the other estimators.
 told = rows["f_m"]["recovered_told"].iloc[0]
 least = min(worths[p][:-1].min() - worths[p][-1] for p in scenarios)
 print(f"check: true values recover {told:.0f} %, the slowest {least:.0f} % less than others")

@@ -1,7 +1,7 @@
 """Build each notebook NAME.ipynb of this folder from its source NAME.py with cells after `# %%`.
-
-Each notebook is run from top to bottom in an empty folder and stores its printed output and
-figures. Progress and paths are left out, so unchanged output gives the same bytes except in figures.
+The script runs each notebook from top to bottom in an empty folder, and stores the notebook with
+its printed output and figures. Progress messages and paths are omitted, so a new build of an
+unchanged notebook differs only in the figures.
 
     python docs/notebooks/build.py [NAME …]
 """
@@ -31,12 +31,12 @@ PLAIN = {
     "NO_COLOR": "1",
     "COLUMNS": "110",
 }
-LIMIT = 300  # time limit of a cell [s]; a whole notebook takes less than a minute on a free core
-COLOURS = 96  # colours in a figure: enough for lines and bands
+LIMIT = 300  # time limit of one cell [s]; a whole notebook takes less than a minute on an idle core
+COLOURS = 96  # number of colours in a stored figure; enough for lines and bands
 
 
 def source(path: Path) -> NotebookNode:
-    """Return the notebook of a source file without output."""
+    """Return a notebook without output from its source file."""
     book = jupytext.read(path)
     for place, cell in enumerate(book.cells):
         cell["id"], cell["metadata"] = f"cell-{place}", {}
@@ -45,10 +45,10 @@ def source(path: Path) -> NotebookNode:
 
 
 def run(path: Path, folder: Path) -> NotebookNode:
-    """Run a notebook in a folder and return it with its output."""
+    """Run the notebook of a source file in a folder, and return the notebook with its output."""
     book, inside = source(path), dict(os.environ)
     os.environ.update(PLAIN)
-    # `!flexaxis` must run the program of this Python environment.
+    # In a notebook, `!flexaxis` must run the program of this Python environment.
     os.environ.update(PATH=f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
     try:
         where = {"metadata": {"path": folder}}
@@ -69,11 +69,11 @@ def run(path: Path, folder: Path) -> NotebookNode:
 def _is_progress(output: NotebookNode) -> bool:
     if output.output_type == "stream":
         return bool(output.name == "stderr")
-    return output.get("data", {}).get("text/plain", "-") == ""  # an erased progress line
+    return output.get("data", {}).get("text/plain", "-") == ""  # a progress line that was erased
 
 
 def _small(output: NotebookNode) -> NotebookNode:
-    """Return an output with normalised line endings and smaller figures with fewer colours."""
+    """Return an output with normalised line endings, and with fewer colours in figures."""
     if output.output_type == "stream":
         output["text"] = output.text.replace("\r\n", "\n")
     data = output.get("data", {})
@@ -87,7 +87,7 @@ def _small(output: NotebookNode) -> NotebookNode:
 
 
 def main(names: list[str]) -> None:
-    """Run the named notebooks, by default all, and write them."""
+    """Run and write the notebooks with the given names, or all notebooks if there are no names."""
     for path in [p for p in SOURCES if not names or p.stem in names]:
         begun = time.monotonic()
         with tempfile.TemporaryDirectory() as folder:

@@ -1,9 +1,10 @@
 # %% [markdown]
-# # Your own estimator, and a fair verdict on it
+# # Your own estimator, and a fair verdict
 #
-# You have an idea for a recursive estimator. Is it better than the existing ones? A single run does not answer this, because every
-# estimator can be made faster and noisier by its tuning parameter. This notebook leads from an idea to a sound verdict:
-# a class, the rules, the trade-off between noise and lag, the bound, and a comparison at equal noise.
+# You have an idea for a recursive estimator. Is it better than the existing ones? A single run does not answer this question,
+# because the tuning parameter of an estimator can make the estimator faster and noisier. This notebook leads from an idea to a
+# sound verdict in five steps: a class, the rules, the trade-off between noise and lag, the bound, and a comparison at equal
+# noise.
 
 # %%
 import matplotlib.pyplot as plt
@@ -18,24 +19,24 @@ plt.rcParams["figure.dpi"] = 90
 # %% [markdown]
 # ## The idea
 #
-# The recursive prediction-error method (RPEM) with a forgetting factor λ has a memory of $T/(1-\lambda)$ seconds. With
-# the gradient ψ of the predictor, and the prediction error ε,
+# The recursive prediction-error method (RPEM) with a forgetting factor λ has a memory of $T/(1-\lambda)$ seconds. With the
+# gradient ψ of the predictor and the prediction error ε, the equations are
 #
 # $$ K = \frac{P\psi}{1 + \psi^\mathsf{T}P\psi},\qquad \hat\theta \leftarrow \hat\theta + K\varepsilon,\qquad
 #    P \leftarrow \frac{(I - K\psi^\mathsf{T})P}{\lambda}. $$
 #
-# A long memory gives little noise, and a short memory is fast. *The idea is to run two of them*, and to use the fast one whenever it
-# differs from the slow one by more than its own covariance explains:
+# A filter with a long memory has little noise, and a filter with a short memory is fast. *The idea is to run two filters*, and to
+# use the fast filter whenever it differs from the slow filter by more than its own covariance explains:
 #
 # $$ (\hat\theta_\text{quick}-\hat\theta_\text{slow})^\mathsf{T}\,\Sigma^{-1}\,(\hat\theta_\text{quick}-\hat\theta_\text{slow}) > h^2. $$
 #
-# An estimator is a class with `names`, `output` and `step`. It does not need to import flexaxis.
-# Its attribute `knob` names the tuning parameter, which trades noise for speed.
+# An estimator is a class with the members `names`, `output` and `step`. The class does not need to import flexaxis. The attribute
+# `knob` names the tuning parameter that trades noise for speed.
 
 
 # %%
 class TwoSpeeds:
-    """Two filters with different memories; the faster one is used while they disagree."""
+    """Run two filters with different memories, and use the faster filter while they disagree."""
 
     names = ("k_T", "1/J_a", "f_m")
     knob = "forgetting"
@@ -63,7 +64,7 @@ class TwoSpeeds:
 
 
 # %% [markdown]
-# On a single record the result looks very good. The fault is a rise of the motor friction $f_m$ by 50 % at 10 s.
+# On a single record, the result looks very good. The fault is an increase of the motor friction $f_m$ by 50 % at 10 s.
 
 # %%
 record = fx.simulate("fm_step-v1", seed=0)
@@ -77,7 +78,7 @@ plt.show()
 fx.score(found)
 
 # %% [markdown]
-# ## Does it pass the rules?
+# ## Does the class satisfy the rules?
 #
 # Scores are worthless if an estimator looks ahead, keeps references to its inputs, or has a `run` that differs from its `step`.
 
@@ -87,22 +88,22 @@ fx.check(TwoSpeeds)
 # %% [markdown]
 # ## An unfair comparison
 #
-# Both estimators run with default settings on the same records, with eight seeds:
+# In this comparison, both estimators run with default settings on the same records, with eight seeds:
 
 # %%
 unfair = fx.compare("rpem-forgetting", TwoSpeeds, scenarios="fm_step-v1", seeds=8)
 unfair
 
 # %% [markdown]
-# The new estimator is faster, and perhaps noisier before the fault. The verdict is *undecided*, because eight seeds do not determine a
-# standard deviation to within 2 %. More seeds would answer the wrong question: λ trades noise for speed, so you must compare the
-# *curves* of both estimators.
+# The new estimator is faster and perhaps noisier before the fault. The verdict is *undecided*, because eight seeds do not
+# determine a standard deviation to within 2 %. More seeds would answer the wrong question. Because λ trades noise for speed, you
+# must compare the *curves* of both estimators.
 #
 # ## The trade-off between noise and lag, with the bound
 #
-# Each estimator is run with a quarter to twice the default of its tuning parameter, $\nu = 1-\lambda$ or `walk`. The grey line is the
-# smallest lag that the noise permits for an estimator that knows the time of the fault and the state at that time
-# (Cramér–Rao bound, [scores.md](../scores.md#the-bound)).
+# Each estimator is run with four settings of its tuning parameter, $\nu = 1-\lambda$ or `walk`, from a quarter to twice the
+# default. The grey line is the Cramér–Rao bound ([scores.md](../scores.md#the-bound)): the smallest lag of an estimator that
+# knows the time of the fault and the state at that time.
 
 # %%
 turns = [0.25, 0.5, 1, 2]
@@ -143,14 +144,14 @@ ax.legend(frameon=False)
 ax.grid(alpha=0.25, which="both")
 plt.show()
 # %% [markdown]
-# Compare the lags along the dotted line, which marks equal noise. `glr` does not need forgetting for its speed: its tuning parameter is the
-# process noise of the parameters, and it is fast because it determines which parameter jumped, and when.
+# Compare the lags along the dotted line, which marks equal noise. `glr` does not use forgetting. The tuning parameter of `glr` is
+# the process noise of the parameters, and `glr` is fast because it determines which parameter jumped and when.
 #
 # ## A fair comparison
 #
-# `match_std=True` tunes both estimators until their $f_m$ is as noisy as that of `rpem-forgetting` with default settings, on separate tuning
-# seeds. On the seeds of the comparison, a remaining difference is removed by interpolation between neighbouring settings. The
-# noise is then equal, and only the lag is compared.
+# With `match_std=True`, both estimators are tuned on separate seeds until their estimates of $f_m$ are as noisy as the estimate
+# of `rpem-forgetting` with default settings. On the seeds of the comparison, interpolation between neighbouring settings removes
+# the remaining difference. The noise is then equal, and only the lag is compared.
 
 # %%
 fair = fx.compare("rpem-forgetting", TwoSpeeds, scenarios="fm_step-v1", seeds=12, match_std=True)
@@ -162,17 +163,18 @@ against_the_best.plot()
 plt.show()
 
 # %% [markdown]
-# So the idea is better than forgetting, but far from `glr`, which determines *when* a change occurred and
-# *which* parameter changed ([estimators.md](../estimators.md)). If you put the class into a file, you get the same verdict on the command line, with an
-# exit status for CI. `flexaxis new mine.py` writes a template.
+# The idea is better than forgetting, but far from `glr`, which determines *when* a change occurred and *which* parameter changed
+# ([estimators.md](../estimators.md)). If you write the class to a file, you get the same verdict on the command line, with an
+# exit status for CI. `flexaxis new mine.py` writes a template of such a file.
 #
 # ```sh
 # flexaxis check mine.py:TwoSpeeds
 # flexaxis compare --base glr --candidate mine.py:TwoSpeeds --match-std fm_step-v1
 # ```
 #
-# **Exercises.** How do `ratio` and `h` change the curve? Is the verdict the same for `ja_step-v1`, and for the four scenarios
-# of the suite `gate` together? (For several scenarios the *excess prediction error* is made equal, a single number for all parameters.)
+# **Exercises.** How do `ratio` and `h` change the curve? Is the verdict the same for `ja_step-v1`, and for the four scenarios of
+# the suite `gate` together? (For several scenarios, the estimators are tuned to equal *excess prediction error*, which is a
+# single number for all parameters.)
 #
 # - L. Ljung and T. Söderström, *Theory and Practice of Recursive Identification*, MIT Press, 1983.
 # - P. Tichavský, C. H. Muravchik and A. Nehorai, *Posterior Cramér–Rao bounds for discrete-time nonlinear filtering*, IEEE

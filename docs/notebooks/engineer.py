@@ -1,14 +1,13 @@
 # %% [markdown]
 # # Your own axis: from one log to many
 #
-# You have a geared axis, a controller that logs torque (or current) and motor angle, and a question: *has the
-# axis changed since spring?* This notebook shows all steps in a minute: a log, the parameters of the axis with
-# their uncertainty, and a change over weeks that is not an effect of the temperature.
+# You have a geared axis, a controller that logs torque (or current) and motor angle, and a question: *has the axis changed since
+# spring?* This notebook takes about a minute and shows all steps: a log, the parameters of the axis with their uncertainty, and a
+# change over weeks that is not an effect of the temperature.
 #
-# The first cell simulates the logs, because this page has no robot. A published robot axis (Wernholt and Gunnarsson,
-# 2006) performs the same motion for 20 s every morning, in a hall that is colder on some days than on others. From day 10
-# on, its dry friction grows. Only the last cell uses the true values of the simulation. With your own logs, skip
-# the first cell.
+# There is no robot behind this page, so the first cell simulates the logs. A published robot axis (Wernholt and Gunnarsson, 2006)
+# performs the same motion for 20 s every morning, and the temperature varies from day to day. From day 10 on, the dry friction of
+# the axis grows. Only the last cell uses the true values of the simulation. If you have your own logs, skip the first cell.
 
 # %%
 from dataclasses import replace
@@ -47,8 +46,8 @@ axis.having(off | {"k_T": 1.0, "r": 1.0}).save(Path("days/axis.toml"))
 # %% [markdown]
 # ## One log
 #
-# A log is a table. Names and units of its columns are read from the first line. Use `--torque`, `--angle` and `--unit` if
-# this line lacks them ([logs.md](../logs.md)).
+# A log is a table. The first line contains the names and units of the columns. If your log has no such line, use the options
+# `--torque`, `--angle` and `--unit` ([logs.md](../logs.md)).
 
 # %%
 import matplotlib.pyplot as plt
@@ -59,8 +58,9 @@ log = pd.read_csv(first, comment="#")
 log.head(3)
 
 # %% [markdown]
-# `import` searches for problems that would spoil every estimate without an error message: a shift by one sample, clocks that drift
-# apart, clipping, or a motion without reversals. It explains each problem and names the option that solves it.
+# `import` searches for problems that would otherwise make the estimates wrong without an error message: a shift by one sample,
+# clocks that drift apart, clipping, or a motion without reversals. It explains each problem and names the option that solves the
+# problem.
 
 # %%
 # !flexaxis import days/2026-01-01.csv -o rec.nc -q
@@ -75,7 +75,7 @@ plt.show()
 # %% [markdown]
 # ## The parameters
 #
-# The model is three masses, two springs with dampers, and friction on the motor:
+# The model consists of three masses, two springs with dampers, and friction on the motor:
 #
 # $$ J_m\dot v_m = k_T u - f_m v_m - F(v_m) - r\,\tau_g,\quad
 #    J_g\dot v_g = \tau_g - f_g v_g - \tau_a,\quad
@@ -87,9 +87,9 @@ plt.show()
 # simulates the log from its torque, and minimises the prediction errors with a noise model (L. Ljung, *System Identification*, 2nd ed.,
 # chapters 7 and 10).
 #
-# A log contains no information about parameters that its motion does not excite. Here this applies to the friction behind the springs,
-# $f_g$ and $f_a$: if you leave them free, `identify` reports that the log does not determine them. So both are fixed to their
-# data-sheet values.
+# A log contains no information about parameters that its motion does not excite. In this log, these parameters are $f_g$ and
+# $f_a$, the friction behind the springs. If you leave both parameters free, `identify` reports that the log does not determine
+# them. For this reason, both are fixed at their data-sheet values.
 
 # %%
 import flexaxis as fx
@@ -110,12 +110,12 @@ table.style.set_uuid("axis").format(
 )
 
 # %% [markdown]
-# The standard deviation is the larger of two values: one from the noise model, and one from the scatter over parts of
-# the log. Inertias and stiffnesses are known to a few hundredths of a per cent. The breakaway torque $f_s$ is known only to one per cent,
-# because it acts only at the instants of reversal.
+# The standard deviation is the larger of two values: one from the noise model, and one from the scatter over parts of the log.
+# The standard deviations of inertias and stiffnesses are a few hundredths of a per cent. The standard deviation of the breakaway
+# torque $f_s$ is one per cent, because $f_s$ acts only when the motor reverses.
 #
-# Does the model describe the axis, or only the log that it was fitted to? The log of another morning answers this: its motion is simulated
-# from its torque alone.
+# Does the model describe the axis, or only the log that was used for the fit? To answer this question, the motion of another
+# morning is simulated from the torque alone.
 
 # %%
 _ = result.plot(len(result.page.charts) - 1)
@@ -123,16 +123,17 @@ _ = result.plot(len(result.page.charts) - 1)
 # %% [markdown]
 # ## Many logs
 #
-# The log of each morning gives estimates with intervals, starting from `axis.toml`. Applied to the whole folder, `identify` tests whether they
-# change more than a covariate explains. Here the covariate is the temperature, a column of the logs.
+# For the log of each morning, `identify` starts from `axis.toml` and computes estimates with confidence intervals. Then
+# `identify` tests whether the estimates in the whole folder change more than a covariate explains. In this example the covariate
+# is the temperature, a column of the logs.
 
 # %%
 many = fx.identify("days", "axis.toml", covariates=["temp"], free=["f_m", "f_c"])
 many
 
 # %% [markdown]
-# This is the answer: *the dry friction grows, and the temperature is not the cause*. The figure shows the data behind these sentences: estimates
-# with ± 2 standard deviations, and the fitted effect of temperature and change.
+# The answer is: *the dry friction grows, and the temperature is not the cause*. The figure shows the estimates with ± 2 standard
+# deviations, and the fitted effects of the temperature and of the change.
 
 # %%
 _ = many.plot()
@@ -148,7 +149,8 @@ error = f_c / f_c.mean() - np.array(true) / np.mean(true)
 print(f"estimates against the truth: {100 * error.std():.2f} % from day to day")
 
 # %% [markdown]
-# To continue with your own axis, read [logs.md](../logs.md) from `import` to `track`, and [friction.md](../friction.md#how-to-log-an-axis) about the motion to log.
+# To continue with your own axis, read [logs.md](../logs.md), which explains `import`, `identify` and `track`, and
+# [friction.md](../friction.md#how-to-log-an-axis), which explains how to log an axis.
 #
 # - E. Wernholt and S. Gunnarsson, *Nonlinear identification of a physically parameterized robot model*, SYSID 2006.
 # - L. Ljung, *System Identification: Theory for the User*, 2nd ed., Prentice Hall, 1999.

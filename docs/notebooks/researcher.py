@@ -1,10 +1,10 @@
 # %% [markdown]
 # # A study of faults: how large, and with how much friction?
 #
-# A fault-injection study varies several conditions and answers questions such as: which faults are detected, how fast, and under which conditions
-# does a good estimator stop working? This notebook varies two conditions: the **size** of a fault in the viscous
-# friction $f_m$, and the **dry friction**, which a linear model does not include. The result is a table with one row for each
-# case, from which every number below is computed.
+# A fault-injection study varies several conditions and answers three questions: which faults an estimator detects, how fast it
+# detects them, and under which conditions a good estimator stops working. This notebook varies two conditions: the **size** of a
+# fault in the viscous friction $f_m$, and the **dry friction**, which a linear model does not include. The result is a table with
+# one row for each case. All numbers below are computed from this table.
 
 # %%
 import matplotlib.pyplot as plt
@@ -18,8 +18,9 @@ plt.rcParams["figure.dpi"] = 90
 # %% [markdown]
 # ## The axis and its fault
 #
-# In the scenario `coulomb_fm_step-v1` the motor has dry friction $f_c\,\mathrm{sign}(v)$ in addition to the viscous friction $f_m v$. A linear
-# estimator has only $f_m$ and attributes the dry friction to it. For a Gaussian speed the error is ([friction.md](../friction.md))
+# In the scenario `coulomb_fm_step-v1` the motor has dry friction $f_c\,\mathrm{sign}(v)$ in addition to the viscous friction $f_m
+# v$. The model of a linear estimator has only $f_m$, so the estimator attributes the dry friction to $f_m$. For a Gaussian speed,
+# the error is ([friction.md](../friction.md))
 #
 # $$ \hat f_m - f_m \approx f_c\,\frac{\mathrm E|v|}{\mathrm E v^2} = \sqrt{\tfrac{2}{\pi}}\,\frac{f_c}{v_\text{rms}}. $$
 
@@ -32,8 +33,9 @@ plt.show()
 # %% [markdown]
 # ## The plan
 #
-# A study sweeps dotted keys of the scenario; all combinations of their values are run. Seeds are independent runs with different noise and
-# excitation. `flexaxis study FILE.toml` runs a study from a file, on all cores or a cluster ([studies.md](../studies.md)).
+# A study sweeps dotted keys of a scenario and runs all combinations of their values. Each seed is an independent run with
+# different noise and excitation. `flexaxis study FILE.toml` runs a study from a file, on all cores or on a cluster
+# ([studies.md](../studies.md)).
 
 # %%
 factors, levels = [1.1, 1.5, 3.0], [0.001, 0.03, 0.1]
@@ -52,7 +54,8 @@ results
 # ## The table
 #
 # The table has one row per scenario, estimator, seed and parameter, and a column for each swept key. The other tracked parameters
-# ($k_T$, $1/J_a$, and $f_c$ for estimators with a friction law) have rows too. The fault is in $f_m$.
+# ($k_T$, $1/J_a$, and $f_c$ for estimators with a friction law) also have rows. The following cells use only the rows of $f_m$,
+# because the fault is in $f_m$.
 
 # %%
 frame = results.to_dataframe().query("parameter == 'f_m'")
@@ -73,8 +76,8 @@ frame[
 # %% [markdown]
 # ## The bias before the fault
 #
-# First, compare the formula above with the measured bias. With 0.1 N m, the linear estimators are wrong by a third even before the
-# fault, a few per cent more than the formula for a Gaussian speed predicts.
+# First, compare the formula above with the measured bias. With dry friction of 0.1 N m, the bias of the linear estimators before
+# the fault is a third of $f_m$. This is a few per cent more than the formula for a Gaussian speed predicts.
 
 # %%
 bias = frame.groupby(["estimator", "friction.coulomb"])["bias"].mean().unstack(0)
@@ -86,9 +89,9 @@ bias.round(1)
 # %% [markdown]
 # ## Lag against the size of the fault, with the bound
 #
-# The lag is $T\sum|\tilde\theta|/D$ over 5 s after the fault, where $D$ is the size of the fault.
-# The grey line is the bound, the smallest lag that the noise permits for an estimator that knows the time of the fault, with $k_T$,
-# $1/J_a$, $f_m$ and $f_c$ unknown after it. Averages of lags are geometric means.
+# The lag is $T\sum|\tilde\theta|/D$ over 5 s after the fault, where $D$ is the size of the fault. The grey line is the bound: the
+# smallest lag of an estimator that knows the time of the fault, if $k_T$, $1/J_a$, $f_m$ and $f_c$ are unknown after the fault.
+# Averages of lags are geometric means.
 
 # %%
 names = ["rpem-forgetting", "cusum-reset", "glr"]
@@ -127,20 +130,23 @@ plt.show()
 # %% [markdown]
 # The figure shows three things.
 #
-# 1. With forgetting, larger faults are not easier to track: with almost no dry friction the lag of `rpem-forgetting` grows with the
-#    fault, from 1.2 s to 2.6 s. The lag of `cusum-reset` has a minimum at the middle size, and the lag of `glr` falls, as the bound does. With
-#    more dry friction, the bias of the two linear estimators increases the lag for small faults.
-# 2. A few hundredths of a newton metre of dry friction suffice to make a linear estimator useless for small faults. If the *bias* is larger
-#    than the fault, the lag exceeds 5 s, the lag of an estimator that never reacts.
-# 3. `glr` has a friction law in its model, and dry friction hardly changes its lag for +10 % and +50 %. Its lag may be below the bound,
-#    because the bound assumes four unknown parameters after the fault, while an estimator that identifies the changed parameter has only one to estimate.
-#    For +200 % it names the wrong parameter in two of the four runs with 0.03 and 0.1 N m (once $k_a$, once $f_c$). In these runs its lag is 3.3 s and
-#    0.5 s, compared with less than 0.1 s in the other two. The line shows geometric means of two runs and hides this; the bars show it.
+# 1. With forgetting, larger faults are not easier to track. With almost no dry friction, the lag of `rpem-forgetting` increases
+#    with the size of the fault, from 1.2 s to 2.6 s. The lag of `cusum-reset` has a minimum at the middle size. The lag of `glr`
+#    decreases with the size of the fault, like the bound. With more dry friction, the bias of the two linear estimators increases
+#    the lag for small faults.
+# 2. Dry friction of a few hundredths of a newton metre makes a linear estimator useless for small faults. If the *bias* is larger
+#    than the fault, the lag is longer than 5 s, the lag of an estimator that never reacts.
+# 3. The model of `glr` includes a friction law, and for faults of +10 % and +50 % dry friction hardly changes the lag of `glr`.
+#    The lag may be below the bound, because the bound assumes four unknown parameters after the fault. An estimator that
+#    identifies the changed parameter has only one parameter to estimate. For a fault of +200 %, `glr` names the wrong parameter
+#    in two of the four runs with 0.03 and 0.1 N m (once $k_a$, once $f_c$). In these two runs the lag of `glr` is 3.3 s and 0.5
+#    s, compared with less than 0.1 s in the other two runs. The line shows geometric means of two runs and hides this difference,
+#    but the bars show it.
 #
 # ## Detections
 #
-# An estimator that reports detections has more scores than the lag: missed faults, false alarms, and whether it names the correct
-# parameter.
+# An estimator that reports detections has additional scores: the number of missed faults, the number of false alarms, and the
+# fraction of faults for which it names the correct parameter.
 
 # %%
 seen = frame[frame["estimator"] == "glr"].groupby("friction.coulomb")
@@ -149,9 +155,9 @@ seen[["detection.missed", "detection.false_alarms", "detection.isolated"]].mean(
 ).round(2)
 
 # %% [markdown]
-# Two seeds suffice for a first impression, but not for a paper. Use 60 seeds and store the rows (`folder="results/friction"`), so that
-# an interrupted run can resume. Before you rank estimators, tune them to equal
-# noise: [developer.ipynb](developer.ipynb).
+# Two seeds are enough for a first impression, but not for a paper. For a paper, use 60 seeds and store the rows
+# (`folder="results/friction"`), so that you can resume an interrupted run. Before you rank estimators, tune them to equal noise
+# ([developer.ipynb](developer.ipynb)).
 #
 # - B. Armstrong-Hélouvry, P. Dupont and C. Canudas de Wit, *A survey of models, analysis tools and compensation methods for the
 #   control of machines with friction*, Automatica 30 (1994), 1083–1138.

@@ -1,10 +1,11 @@
 # %% [markdown]
 # # A lesson: forgetting
 #
-# In this 45-minute lesson students close the control loop of a flexible axis, identify the axis while it runs, inject a fault, and learn
-# the cost of a forgetting factor. Questions are in *italics*; the answers are at the end.
+# In this 45-minute lesson, students close the control loop of a flexible axis, identify the axis while the loop runs, inject a
+# fault, and learn about the trade-off of a forgetting factor. Questions are in *italics*, and the answers are at the end.
 #
-# Students need to know least squares. `flexaxis demo` shows the same axis interactively, and [labs](../labs/README.md) 3 to 5 go deeper.
+# Students need to know the method of least squares. `flexaxis demo` shows the same axis interactively, and
+# [labs](../labs/README.md) 3 to 5 treat forgetting in more detail.
 
 # %%
 import matplotlib.pyplot as plt
@@ -18,13 +19,13 @@ plt.rcParams["figure.dpi"] = 90
 # %% [markdown]
 # ## 1. Close the loop
 #
-# `fx.make_axis` returns an axis in MuJoCo without a controller. `axis.step(torque)` holds a torque for 5 ms and returns the sensor
-# readings. Motor, gear and arm are coupled by two springs:
+# `fx.make_axis` returns an axis in MuJoCo without a controller. `axis.step(torque)` applies a constant torque for 5 ms and
+# returns the sensor readings. Two springs couple the motor, the gear and the arm:
 #
 # $$ J_m \dot v_m = k_T u - f_m v_m - r\tau_g, \qquad J_g \dot v_g = \tau_g - \tau_a - f_g v_g, \qquad J_a \dot v_a = \tau_a - f_a v_a. $$
 #
-# The motor speed is controlled by a PI controller in three lines. The reference is a sum of sines, because identification needs
-# a motion that excites the axis.
+# A PI controller, which is only three lines of code, controls the motor speed. The reference is a sum of sines, because
+# identification needs a motion that excites the axis.
 
 
 # %%
@@ -36,7 +37,7 @@ def reference(t):
 
 
 def close_the_loop(axis, *, Kp=0.1, Ki=0.4):
-    """Return torque [N m] and measured speed [rad/s] of a whole run, (N,) each."""
+    """Return the torque [N m] and the measured speed [rad/s] of a whole run, (N,) each."""
     torque, speed, integral = [], [], 0.0
     while True:
         e = reference(axis.sample.time) - axis.sample.speed
@@ -63,12 +64,13 @@ below.axvline(10, color="k", lw=0.8)
 above.legend(frameon=False, ncols=2, loc="lower left")
 plt.show()
 # %% [markdown]
-# *Question 1. At the vertical line the motor friction rises by 50 %. How could you see this in the signals without the line?*
+# *Question 1. At the vertical line the motor friction rises by 50 %. How could you see the fault in the signals without the
+# line?*
+# ## 2. Identify the axis while the loop runs
 #
-# ## 2. Identify the axis while it runs
-#
-# In every sample, the recursive prediction-error method compares the measured speed with the prediction of a model, and changes the
-# parameters in the direction that reduces the error. With the gradient ψ of the prediction and the forgetting factor λ,
+# In every sample, the recursive prediction-error method compares the measured speed with the prediction of a model. It then
+# changes the parameters in the direction that reduces the prediction error. With the gradient ψ of the prediction and the
+# forgetting factor λ,
 #
 # $$ \varepsilon = y - \hat y,\qquad K = \frac{P\psi}{1+\psi^\mathsf{T}P\psi},\qquad
 #    \hat\theta \leftarrow \hat\theta + K\varepsilon,\qquad P\leftarrow \frac{(I-K\psi^\mathsf{T})P}{\lambda}. $$
@@ -79,7 +81,7 @@ model = three_mass(fx.make_axis("fm_step-v1").scenario.nominal.as_dict())
 
 
 def identified(u, y, forgetting):
-    """Return the estimates (N, 3) relative to their nominal values."""
+    """Return the estimates (N, 3) relative to the nominal values."""
     P0 = np.diag([2.97e-4, 5.19e-5, 4.69e-6]) * (1 - forgetting) / 0.005
     rpem = Rpem(model, identify=names, P0=P0, forgetting=forgetting, period=0.005)
     return rpem.run(u, y) / model.parametrize(names).theta
@@ -101,7 +103,8 @@ panels[0].legend(frameon=False, ncols=3)
 panels[2].set_xlabel("time [s]")
 plt.show()
 # %% [markdown]
-# *Question 2. Which λ would you choose for an axis that wears over months, and which for an axis with a load that may change suddenly?*
+# *Question 2. Which λ would you choose for an axis that wears over months? Which λ would you choose for an axis with a load that
+# may change suddenly?*
 #
 # *Question 3. Why does the estimate of $k_T$ change although only $f_m$ has changed?*
 #
@@ -146,8 +149,8 @@ assert 0.4 < slope < 0.65
 #
 # ## 4. Low noise and a short lag
 #
-# A filter with forgetting discounts old data in the same way at all times and for all parameters. An estimator that *detects* changes can have low noise before a change
-# and be fast after it:
+# A filter with forgetting discounts old data in the same way at all times and for all parameters. An estimator that *detects*
+# changes can have little noise before a change and be fast after the change:
 
 # %%
 record = fx.simulate("fm_step-v1", seed=1)
@@ -160,13 +163,15 @@ plt.show()
 # %% [markdown]
 # ## Answers
 #
-# 1. You cannot see it: the controller compensates for the fault, and the torque rises only by a few per cent at some frequencies. An
-#    estimator is needed to find a change that the controller hides.
-# 2. For slow wear choose λ near one, because noise matters most. For a sudden change of the load choose a small λ, or a detector (section 4).
-# 3. The estimates are correlated: both $k_T$ and $f_m$ can explain part of the missing torque, until enough samples
-#    separate them.
-# 4. With a long memory, the window of 5 s after the fault is shorter than the memory, and the run ends before the estimate has converged. With a very
-#    short memory, the filter adapts as fast as the transients of the axis decay, and the theory does not apply to this case.
+# 1. You cannot see the fault in the signals: the controller compensates for the fault, and the torque rises only by a few per
+#    cent at some frequencies. Only an estimator can detect a change that the controller hides.
+# 2. For slow wear, choose λ near one, because low noise is most important. For a sudden change of the load, choose a small λ or
+#    an estimator that detects changes (section 4).
+# 3. The estimates of $k_T$ and $f_m$ are correlated. Both parameters can explain part of the missing torque until there are
+#    enough samples to separate them.
+# 4. The lag deviates from the line at both ends. With a long memory, the window of 5 s after the fault is too short, and the run
+#    ends before the estimate has converged. With a very short memory, the filter adapts as fast as the transients of the axis
+#    decay, and the theory does not apply.
 #
 # - L. Ljung and S. Gunnarsson, *Adaptation and tracking in system identification: a survey*, Automatica 26 (1990), 7–21.
 # - L. Ljung, *System Identification: Theory for the User*, 2nd ed., Prentice Hall, 1999, chapter 11.

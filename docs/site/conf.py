@@ -21,7 +21,7 @@ exclude_patterns = ["docs/*.py", "docs/site/**", "docs/examples/**", "docs/galle
                     "docs/made/gallery/*.json"]  # fmt: skip
 suppress_warnings = ["config.cache", "misc.highlighting_failure"]
 
-# Markdown in the style of GitHub, with formulas; notebooks with their stored output.
+# Pages are GitHub-style Markdown with formulas. Notebooks are shown with their stored output.
 myst_enable_extensions = ["dollarmath", "amsmath"]
 myst_heading_anchors = 5
 nb_execution_mode = "off"
@@ -33,7 +33,7 @@ sphinx_gallery_conf = {
     "download_all_examples": False, "remove_config_comments": True,
 }  # fmt: skip
 autodoc_member_order = "bysource"
-autodoc_typehints = "none"  # numpydoc docstrings already give the types
+autodoc_typehints = "none"  # because numpydoc docstrings already give the types
 numpydoc_show_class_members = False
 default_role = "code"
 add_module_names = False
@@ -46,7 +46,10 @@ pygments_style, pygments_dark_style = "friendly", "github-dark"
 
 
 def setup(app):
-    """Write the reference pages first, and render formulas as MathML without scripts or network."""
+    """Register the generation of the reference pages, and a renderer of formulas as MathML.
+
+    MathML needs neither scripts nor a network connection.
+    """
     import reference
 
     app.connect("builder-inited", lambda app: reference.write(Path(app.srcdir, "docs", "made")))

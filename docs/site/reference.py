@@ -1,4 +1,4 @@
-"""Generate the reference pages from the package: commands, catalogue, estimators, scores."""
+"""Generate the reference pages on commands, catalogue, estimators and scores from the package."""
 
 import argparse
 from pathlib import Path
@@ -11,7 +11,7 @@ from flexaxis.experiments.scoring.score_table import SCORES
 
 
 def write(folder: Path) -> None:
-    """Write all reference pages into a folder."""
+    """Write all reference pages to a folder."""
     folder.mkdir(parents=True, exist_ok=True)
     pages = {
         "commands": commands,
@@ -23,11 +23,11 @@ def write(folder: Path) -> None:
         text = "\n\n".join(page()) + "\n"
         target = folder / f"{name}.md"
         if not target.exists() or target.read_text(encoding="utf-8") != text:
-            target.write_text(text, encoding="utf-8")  # so that Sphinx reads only changed pages
+            target.write_text(text, encoding="utf-8")  # Sphinx reads every file with a new time
 
 
 def table(heads, rows):
-    """Return a table in Markdown."""
+    """Return a Markdown table with the given headings and rows."""
     lines = [heads, ["---"] * len(heads), *rows]
     return "\n".join(
         f"| {' | '.join(str(c).replace('|', chr(92) + '|') for c in x)} |" for x in lines
@@ -35,7 +35,7 @@ def table(heads, rows):
 
 
 def commands():
-    """Return the help of every command."""
+    """Yield the sections of the page on commands: the help text of each command."""
     yield "# Commands"
     subs = next(a for a in parser()._actions if isinstance(a, argparse._SubParsersAction))
     for name, sub in subs.choices.items():
@@ -43,7 +43,7 @@ def commands():
 
 
 def catalogue():
-    """Return one line for each scenario, by group, and the suites."""
+    """Yield the sections of the catalogue: a table of each group of scenarios, and the suites."""
     yield "# Catalogue\n\n`flexaxis show NAME` prints a scenario with all its values."
     scenarios = [find_scenario(name) for name in scenario_names()]
     for group, words in GROUPS.items():
@@ -58,7 +58,7 @@ def catalogue():
 
 
 def estimators():
-    """Return every estimator with its options."""
+    """Yield the sections of the page on estimators: a table of each estimator's options."""
     yield "# Options of the estimators"
     for entry in REGISTRY.values():
         rows = [[f"`{name}`", f"`{value!r}`", x] for name, (value, x) in options(entry).items()]
@@ -68,6 +68,6 @@ def estimators():
 
 
 def scores():
-    """Return every score with its unit."""
+    """Yield the page on scores: a table with the unit and definition of each score."""
     rows = [[f"`{s.name}`", s.unit or "", s.better or "", s.words] for s in SCORES.values()]
     yield "# Scores\n\n" + table(["score", "unit", "better", "definition"], rows)
