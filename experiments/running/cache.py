@@ -1,8 +1,7 @@
-"""Cache of simulated records, each in a NetCDF file; the least recently used are removed first.
+"""Cache simulated records in NetCDF files, and remove the least recently used files.
 
-The key of a record consists of the parts of its scenario that affect plant and sensors
-(`Scenario.record_hash`), its seed, the version of MuJoCo, and a digest of the simulation code and
-the MJCF.
+The key of a record consists of the hash of its scenario (`Scenario.record_hash`), the seed, the
+version of MuJoCo, and a digest of the simulation code and the MJCF.
 """
 
 import io
@@ -36,7 +35,7 @@ class RecordCache:
     limit: int = LIMIT
 
     def get(self, scenario: Scenario, seed: int) -> Record | None:
-        """Return a record, or None if the cache does not contain it; remove a damaged file."""
+        """Return a record, or None if its file is missing or damaged; remove a damaged file."""
         path = self._path(scenario, seed)
         try:
             with h5py.File(path) as file:
@@ -48,7 +47,7 @@ class RecordCache:
             return None
 
     def put(self, scenario: Scenario, record: Record) -> None:
-        """Store a record; a full or read-only folder does not cause an error."""
+        """Store a record; ignore errors caused by a full disk or a read-only folder."""
         content = io.BytesIO()  # HDF5 ends the process if HDF5 itself writes to a full disk
         with h5py.File(content, "w") as file:
             for name in [*SIGNALS][1:]:  # without the time, which is computed from the scenario
@@ -60,13 +59,13 @@ class RecordCache:
                 new.write_bytes(content.getvalue())
 
     def entries(self) -> list[Path]:
-        """Return the files of the cache, sorted with the least recently used first."""
+        """Return the files in the cache, sorted by last use, with the oldest use first."""
         return sorted(self.folder.glob("*.nc"), key=lambda path: path.stat().st_mtime_ns)
 
     def evict(self, limit: int) -> int:
-        """Remove the least recently used files until the cache is at most `limit` [bytes].
+        """Remove the least recently used files until the cache has at most `limit` bytes.
 
-        The result is the number of removed files.
+        Return the number of removed files.
         """
         total, removed = 0, 0
         for path in self.entries()[::-1]:
@@ -83,7 +82,7 @@ class RecordCache:
 
 
 def default_cache() -> RecordCache:
-    """Return the cache of the user, in the folder FLEXAXIS_CACHE or in the usual cache folder."""
+    """Return the user's cache in the folder FLEXAXIS_CACHE, or in the default cache folder."""
     from flexaxis.estimators.models.compiler import user_cache
 
     usual = user_cache() / "flexaxis" / "records"
@@ -91,9 +90,9 @@ def default_cache() -> RecordCache:
 
 
 def records(scenario: Scenario, seeds: Sequence[int], cache: RecordCache | None) -> list[Record]:
-    """Return the records of some seeds from the cache, and simulate the missing records.
+    """Return the records of a scenario for some seeds; simulate records that are not cached.
 
-    A cached record and a simulated record are equal to the last bit.
+    Cached records and simulated records are bitwise equal.
     """
     if cache is None:
         return simulate(scenario, seeds)
@@ -109,13 +108,13 @@ def records(scenario: Scenario, seeds: Sequence[int], cache: RecordCache | None)
 
 
 def keep_nominal_runs(cache: RecordCache | None) -> AbstractContextManager[None]:
-    """Return a context in which nominal runs, which many scenarios share, are cached as well."""
+    """Return a context manager that also caches nominal runs, which many scenarios share."""
     return nominal_runs(lambda scenario: records(scenario, [0], cache)[0].torque)
 
 
 @cached
 def digest_of(*packages: str) -> str:
-    """Return a digest of the code, models and settings in packages of flexaxis."""
+    """Return a digest of the code, the models and the settings in some packages of flexaxis."""
     content = sha256()
     for package in packages:
         folder = Path(str(files(f"flexaxis.{package}")))

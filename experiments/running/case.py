@@ -1,4 +1,4 @@
-"""Work of a worker on one unit: simulate records, run estimators and score the estimates."""
+"""Run a unit of work: simulate records, run estimators and score the estimates."""
 
 import io
 import json
@@ -70,7 +70,7 @@ class Options:
 
 @dataclass(frozen=True, eq=False)
 class Done:
-    """A case that was run.
+    """The result of a case.
 
     Attributes
     ----------
@@ -83,7 +83,7 @@ class Done:
     numbers : ndarray (p, n)
         Values of the columns `NUMBERS`, with one row per parameter; NaN means undefined.
     isolation : str or None
-        Parameters that the estimator named for each fault, as JSON.
+        Parameters that the estimator reports as changed for each fault, as JSON.
     error : str or None
         Error message of a failed case.
     trace : bytes or None
@@ -104,7 +104,7 @@ Outcome = list[Done | str]
 
 
 def run_unit(unit: Unit, options: Options) -> Outcome:
-    """Run the cases of a unit."""
+    """Run all cases of a unit, and return their results."""
     # With one thread, the rows of all workers are equal to the last bit.
     with threadpool_limits(1), keep_nominal_runs(options.cache), warnings.catch_warnings():
         warnings.filterwarnings("ignore", category=UserWarning, module="flexaxis")
@@ -114,7 +114,7 @@ def run_unit(unit: Unit, options: Options) -> Outcome:
 
 
 def simulate_units(units: Sequence[Unit], options: Options) -> None:
-    """Simulate the records of units and put them into the cache."""
+    """Simulate the records of some units, and store the records in the cache."""
     for unit in units:
         seeds = list(dict.fromkeys(seed for _, _, seed in unit.cases()))
         _records(unit.scenario, seeds, options.cache)
@@ -133,7 +133,7 @@ def _records(
 
 
 def _run(unit: Unit, case: PlannedCase, record: Record | str, options: Options) -> Done | str:
-    """Run a case and return it, or return the reason why the machine could not run it."""
+    """Run a case and return its result, or the reason why the machine could not run the case."""
     _, setting, seed = case
     if isinstance(record, str):  # the simulation failed: return one row without scores
         return _done(unit, case, [undefined()], record)
@@ -181,7 +181,7 @@ def run_case(scenario: Scenario, record: Record, spec: Spec, options: Options = 
 def follow(
     text: str, estimator: Estimator, scenario: Scenario, record: Record
 ) -> tuple[Array, Any, Array | None]:
-    """Run an estimator on a whole record, and read its reported covariance before the fault.
+    """Run an estimator on a whole record, and read the covariance that it reports before the fault.
 
     Parameters
     ----------
@@ -199,7 +199,7 @@ def follow(
     theta : ndarray (N, p)
         Estimates after each sample.
     claimed : ndarray (p, p) or None
-        Reported covariance at the sample that `claimed_at` returns.
+        Covariance that the estimator reports at the sample from `claimed_at`.
     innovations : ndarray (N, 2) or None
         Innovations y − ŷ, and the variances that the estimator reports for them.
 
@@ -211,7 +211,7 @@ def follow(
     where, samples = f"on {scenario.name}, seed {record.seed}", len(record.time)
     y, claimed = getattr(record, estimator.output), None
     thetas, shown = [], list[Any]()
-    # The record is cut after every second, so that the cuts do not reveal the time of the fault.
+    # Pass the record in parts of one second, so that the parts do not reveal the time of the fault.
     size = sample_index(1.0, scenario.period) if hasattr(estimator, "covariance") else samples
     for first in range(0, samples, size):
         part = slice(first, min(first + size, samples))
@@ -227,8 +227,8 @@ def follow(
     for what, (values, width) in outputs.items():
         if values is not None and values.shape != (samples, width):
             raise EstimatorError(
-                f"{text} returned {what} of the shape {values.shape} {where}; "
-                f"{(samples, width)} is needed, with one row per sample"
+                f"{text} returned {what} of the shape {values.shape} {where}; the shape must be "
+                f"{(samples, width)}, with one row per sample"
             )
     return theta, claimed, innovations
 
@@ -237,12 +237,12 @@ def track_of(  # noqa: PLR0917
     scenario: Scenario, record: Record, estimated: Sequence[str], theta: Array, claimed: Any,
     innovations: Array | None, findings: Sequence[Any] | None,
 ) -> Track:  # fmt: skip
-    """Return the track of estimates, without parameters that have an initial true value of zero.
+    """Return a track of the estimates, without parameters whose initial true value is zero.
 
     Parameters
     ----------
     scenario : Scenario
-        Scenario with the onset of this record.
+        Scenario with the random onset of this record.
     record : Record
         A simulated record.
     estimated : sequence of str
@@ -279,7 +279,7 @@ def _done(
 
 
 def numbers_of(lines: Sequence[Mapping[str, Any]]) -> Array:
-    """Return the numbers (p, n) of rows in the order of `NUMBERS`, including nested tables."""
+    """Return the numbers (p, n) in the columns `NUMBERS` of some rows, including nested tables."""
     table = pd.json_normalize(list(lines)).reindex(columns=NUMBERS)
     return np.ascontiguousarray(table.to_numpy(float))
 
@@ -292,6 +292,6 @@ def pack(case: Case) -> bytes:
 
 
 def unpack(content: bytes) -> Case:
-    """Return the case from the bytes that `pack` returned; the rows of the case are empty."""
+    """Return the case from the bytes that `pack` returned; the case has no rows."""
     with np.load(io.BytesIO(content)) as stored:
         return Case(tuple(stored["names"].tolist()), stored["curve"], stored["near"])

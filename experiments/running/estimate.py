@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 
 def true_values(names: Sequence[str], record: Record, at: Any) -> dict[str, Any]:
-    """Return the true values at samples `at`, for those parameters that the record contains."""
+    """Return the true values at the samples `at` of all parameters that the record contains."""
     known = [name for name in names if physical(name)[0] in record.parameter_names]
     if record.true_parameters is None or not known:
         return {}
@@ -27,7 +27,7 @@ def true_values(names: Sequence[str], record: Record, at: Any) -> dict[str, Any]
 def run_on(
     estimator: Estimator, u: Array, y: Array, valid: NDArray[np.bool_] | None = None
 ) -> tuple[Array, Array | None, NDArray[np.bool_]]:
-    """Run an estimator from its current state; read the reported covariance after each sample.
+    """Run an estimator from its current state, and collect its covariances and alarms.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ def run_on(
     u, y : ndarray (n,)
         Torque [N m] and measured output.
     valid : ndarray (n,) of bool, optional
-        False for each sample at which y was not measured (default: y was always measured).
+        False for each sample at which y was not measured. By default, y was always measured.
 
     Returns
     -------
@@ -68,7 +68,7 @@ def write_estimates(
     path: Path, times: Any, theta: Any, names: Sequence[str], about: Mapping[str, Any],
     **claimed: Array | None,
 ) -> None:  # fmt: skip
-    """Write a NetCDF-4 file with ``time``, ``theta`` (time, estimate) and reported covariances.
+    """Write ``time``, ``theta`` (time, estimate) and reported covariances to a NetCDF-4 file.
 
     Parameters
     ----------

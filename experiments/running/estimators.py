@@ -1,4 +1,4 @@
-"""Create estimators from the text of `--estimator` and from the known properties of an axis.
+"""Create estimators from the text of the option `--estimator` and the properties of an axis.
 
 The text is the name of a registered estimator, the name of an entry point in the group
 `flexaxis.estimators`, ``path/file.py:Class``, or ``package.module:Class``. Options follow in
@@ -52,7 +52,7 @@ Factory = Callable[..., Any]
 
 
 class Misfit(EstimatorError):
-    """An estimator cannot run on a scenario, although both are valid."""
+    """The estimator cannot run on the scenario, although both are valid."""
 
 
 @dataclass(frozen=True)
@@ -62,11 +62,11 @@ class Spec:
     Attributes
     ----------
     text : str
-        Text as for `--estimator`.
+        Text of the option `--estimator`.
     options : mapping
-        Options in the text, keyed by name.
+        Options of the estimator in the text, keyed by name.
     session : callable or None
-        Class of the estimator, if it was defined in this session instead of a file.
+        Class of the estimator, if the class was defined in this session and not in a file.
     """
 
     text: str
@@ -85,7 +85,7 @@ class Spec:
 
     @property
     def make(self) -> Factory:
-        """The class or factory function of the estimator; access imports user code."""
+        """The class or factory function of the estimator; reading this imports user code."""
         if self.text.startswith(PIPE):
             return partial(PipeEstimator, self.text.removeprefix(PIPE))
         if self.session is not None:
@@ -101,8 +101,8 @@ class Spec:
     def digest(self) -> str | None:
         """Digest of user code; None for a registered estimator or an entry point.
 
-        The digest is computed from the file of the class, from all files that are words of a
-        command, or from the source of a class that was defined in this session.
+        The digest covers the file of the class, all files that are words of the command, or the
+        source of a class that was defined in this session.
         """
         if self.session is not None:
             content = _source(self.session)
@@ -117,7 +117,7 @@ class Spec:
 def _source(make: Factory) -> bytes:
     try:
         return inspect.getsource(make).encode()
-    except (OSError, TypeError):  # typed into an interpreter
+    except (OSError, TypeError):  # the class was typed into an interpreter
         return bytes(cloudpickle.dumps(make))
 
 
@@ -132,7 +132,7 @@ _session: dict[str, Factory] = {}
 
 
 def text_of(make: str | Factory) -> str:
-    """Return ``module:Class`` or the name of a class; a text is returned unchanged."""
+    """Return ``module:Class`` or the name for a class, or return a text unchanged."""
     if isinstance(make, str):
         return make
     name, module = getattr(make, "__name__", ""), getattr(make, "__module__", "__main__")
@@ -166,7 +166,7 @@ def parse(text: str) -> Spec:
     if not ours and name not in (installed := _installed()):
         raise EstimatorError(
             f"unknown estimator {name!r}.{did_you_mean(name, [*REGISTRY, *installed])} `flexaxis "
-            "list` shows them. For your own estimator, write path/file.py:Class, "
+            "list` shows all estimators. For your own estimator, write path/file.py:Class, "
             "package.module:Class or pipe:COMMAND"
         )
     if name in REGISTRY:
@@ -198,7 +198,7 @@ def written_options(text: str) -> dict[str, Any]:
 
 
 def with_options(text: str, options: Mapping[str, Any]) -> str:
-    """Return the text of an estimator with some options added or replaced.
+    """Add or replace options in the text of an estimator, and return the new text.
 
     Examples
     --------
@@ -219,12 +219,12 @@ def _written(value: Any) -> str:
 
 
 def keywords(spec: Spec) -> set[str]:
-    """Return the keywords of an estimator's constructor, without nominal values and period.
+    """Return the names of the optional arguments of an estimator's constructor.
 
     Raises
     ------
     EstimatorError
-        If the text contains an option that is not one of the keywords.
+        If the text contains an option that is not one of these arguments.
     """
     parameters = list(inspect.signature(spec.make).parameters.values())[2:]
     known = {p.name for p in parameters if p.kind in (p.KEYWORD_ONLY, p.POSITIONAL_OR_KEYWORD)}
@@ -240,13 +240,13 @@ def keywords(spec: Spec) -> set[str]:
 def make_estimator(spec: Spec, nominal: Any, period: float, **known: Any) -> Estimator:
     """Construct an estimator from nominal values (a mapping or a model) and a period [s].
 
-    Each value of `known` is passed if the constructor has this keyword. Options in the text take
-    precedence over `known`.
+    The constructor receives each value of `known` for which it has a keyword argument. Options in
+    the text override `known`.
 
     Raises
     ------
     EstimatorError
-        If the constructor refuses an option, or the object is not an estimator.
+        If the constructor refuses an option, or if the object is not an estimator.
     EstimatorCrash
         If the constructor raises any other exception.
     """
@@ -267,11 +267,11 @@ def make_estimator(spec: Spec, nominal: Any, period: float, **known: Any) -> Est
 def build(spec: Spec, scenario: Scenario) -> Estimator:
     """Construct an estimator from those properties of a scenario that estimators may know.
 
-    The constructor receives the nominal parameters (scaled by `start`, with data-sheet values) and
-    the period. If the constructor has these keywords, it also receives `identify`, `output`,
-    `noise` (if the data sheet contains a noise level) and `torque` (of a nominal run, to compute
-    P(0)). Registered estimators are cached and copied, because the construction takes as long as a
-    run. User estimators are constructed for each run.
+    The constructor receives the period and the nominal parameters, which are scaled by `start` and
+    include data-sheet values. If the constructor has these keyword arguments, it also receives
+    `identify`, `output`, `noise` (if the data sheet contains a noise level) and `torque` (the
+    torque of a nominal run, to compute P(0)). Registered estimators are cached and copied, because
+    their construction takes as long as a run. User estimators are constructed for each run.
 
     Raises
     ------
@@ -329,7 +329,7 @@ def _known(spec: Spec, scenario: Scenario, nominal: Mapping[str, float]) -> dict
 
 
 def _check_fits(text: str, estimator: Estimator, scenario: Scenario) -> None:
-    """Raise an error if an estimator cannot run on a scenario, or cannot be scored there."""
+    """Raise an error if an estimator cannot run on a scenario or its estimates cannot be scored."""
     names, besides = tuple(estimator.names), (*LAW_NAMES, *ESTIMATED_ONLY)
     problems = estimated_problems(names, scenario, key="names", besides=besides)
     if lines := [f"{text}: {key}: {problem}" for key, problem in problems]:

@@ -1,4 +1,4 @@
-"""Progress and remarks on stderr; --quiet suppresses both."""
+"""Show progress and remarks on stderr; the option --quiet suppresses both."""
 
 import sys
 from collections.abc import Callable, Iterator
@@ -14,9 +14,9 @@ LINE: ContextVar[str] = ContextVar("line", default="")
 
 @contextmanager
 def progress(what: str, total: float) -> Iterator[Callable[[float], None]]:
-    """Yield a function that takes the amount of work done since the last call of this function.
+    """Show a progress bar, and yield a function that advances the bar by an amount of work.
 
-    A terminal shows a progress bar with the remaining time; other outputs show nothing.
+    A terminal shows the progress bar with the remaining time. Other outputs show nothing.
     """
     from rich.console import Console
     from rich.progress import Progress
@@ -30,6 +30,6 @@ def progress(what: str, total: float) -> Iterator[Callable[[float], None]]:
 
 
 def remark(text: str) -> None:
-    """Print a remark to stderr, unless --quiet is set."""
+    """Print a remark to stderr, unless the option --quiet is set."""
     if not QUIET.get():
         print(text, file=sys.stderr)

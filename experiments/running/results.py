@@ -1,4 +1,4 @@
-"""Results as tables: rows as a DataFrame, pooled scores, xarray, CSV and Parquet."""
+"""Provide the results of a study as a DataFrame, pooled scores, xarray, CSV or Parquet."""
 
 from __future__ import annotations
 
@@ -38,14 +38,14 @@ class Results:
     store : Store
         Store of the rows.
     study : mapping
-        Description from `describe`; without ``variants``, the results include all cases.
+        Description from `describe`. If it contains no ``variants``, the results include all cases.
 
     Attributes
     ----------
     folder : Path or None
         Folder of the store; None for rows in memory.
     axes : tuple of str
-        Swept keys.
+        Keys that the study sweeps.
     """
 
     def __init__(self, store: Store, study: Mapping[str, Any]) -> None:
@@ -59,7 +59,7 @@ class Results:
         Raises
         ------
         StudyError
-            If the folder contains no rows, or no rows of a run or a study.
+            If the folder contains no rows, or only rows of a comparison or a tuning.
         """
         store = Store.read(Path(folder))
         if study := store.told("study"):
@@ -103,33 +103,33 @@ class Results:
 
     @property
     def failures(self) -> pd.DataFrame:
-        """The cases that failed: scenario, estimator, setting, seed, error."""
+        """The failed cases, with the columns scenario, estimator, setting, seed and error."""
         failed = self.frame[self.frame["error"].notna()].drop_duplicates("case")
         names = ["scenario", "estimator", "setting", "seed", "error"]
         return failed[names].reset_index(drop=True)
 
     def scores(self, *by: str, scores: Sequence[str] | None = None) -> pd.DataFrame:
-        """Return the result of `pooled` as a DataFrame."""
+        """Return pooled scores with 95 % intervals (see `pooled`) as a DataFrame."""
         return pd.DataFrame(self.pooled(*by, scores=scores))
 
     def pooled(self, *by: str, scores: Sequence[str] | None = None) -> list[dict[str, Any]]:
-        """Return scores that are pooled over groups of rows, with 95 % intervals.
+        """Return pooled scores with 95 % intervals, one for each group of rows.
 
         Parameters
         ----------
         *by : str
-            Columns to group by (default: scenario, estimator and all axes). Different parameters,
-            and rows with and without a change, are never pooled.
+            Columns that define the groups (default: scenario, estimator and all axes). All rows of
+            a group have the same parameter and the same value of ``changed``.
         scores : sequence of str, optional
             Scores to pool (default: all).
 
         Returns
         -------
         list of dict
-            One dict per group, in the order of the study, with the columns of `by`, ``parameter,
-            changed, runs, seeds``, and the same scores as in summary.json. The excess error is None
-            for a group with several scenarios, because the excess error is defined for a single
-            scenario.
+            One dict per group, in the order of the study. A dict contains the columns of `by`,
+            ``parameter, changed, runs, seeds``, and the same scores as summary.json. The excess
+            error of a group with several scenarios is None, because the excess error is defined for
+            a single scenario.
 
         Raises
         ------
@@ -190,21 +190,21 @@ class Results:
         return {seed: trace for seed, trace in every.items() if seed in seeds}
 
     def to_csv(self, path: str | Path) -> None:
-        """Write the rows to a CSV file; a column without any values is empty."""
+        """Write all rows to a CSV file."""
         with new_file(Path(path)) as part:
             self.frame.to_csv(part, index=False)
 
     def to_parquet(self, path: str | Path) -> None:
-        """Write the rows to a Parquet file, which requires pyarrow."""
+        """Write all rows to a Parquet file; this method requires pyarrow."""
         with new_file(Path(path)) as part:
             self.frame.to_parquet(part, index=False)
 
     def to_xarray(self) -> xarray.Dataset:
-        """Return a Dataset with dimensions scenario, estimator, point, seed and parameter.
+        """Return a Dataset with the dimensions scenario, estimator, point, seed and parameter.
 
-        A point is a combination of swept values. Missing and undefined values are NaN. The axes are
-        coordinates of the points; ``set_index(point=[...]).unstack("point")`` turns the axes into
-        dimensions.
+        A point is a combination of swept values. Missing and undefined values are NaN. The swept
+        keys are coordinates of the points. ``set_index(point=[...]).unstack("point")`` turns the
+        swept keys into dimensions.
         """
         axes, table = list(self.axes), self.frame[self.frame["parameter"] != ""]
         points = table.groupby(axes, dropna=False).ngroup() if axes else 0
@@ -216,12 +216,12 @@ class Results:
 
 
 def _plain(value: Any) -> Any:
-    """Convert the value of an axis to a cell of a table: a number, a text, or JSON."""
+    """Convert the value of a swept key to a number or a text for a table."""
     return json.dumps(value) if isinstance(value, list | dict) else value
 
 
 def _value(value: Any) -> Any:
-    """Convert a value that identifies a group to a Python value, and a missing value to None."""
+    """Convert a value from a group's key to a Python value, and a missing value to None."""
     return None if pd.isna(value) else getattr(value, "item", lambda: value)()
 
 

@@ -1,4 +1,4 @@
-"""Run the missing cases of a study or of a shard, on worker processes or any executor."""
+"""Run the missing cases of a study or a shard on worker processes or on another executor."""
 
 import os
 import signal
@@ -50,12 +50,12 @@ Pair = tuple[Scenario, Spec]
 ENVIRONMENT = {"PYTHONSAFEPATH": "1"} | dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"
 )
-"""Environment of a worker, with one thread. The current folder is not searched for modules, so no
-file in this folder can replace a library."""
+"""Environment variables of a worker. They limit the worker to one thread. They also keep Python
+from importing modules from the current folder, so that no file there can replace a library."""
 
 
 class Worker:
-    """One worker process, which runs one unit at a time and can be ended on its own."""
+    """A worker process that runs one unit at a time and can be ended without other workers."""
 
     def __init__(self) -> None:
         self._pool = _pool()
@@ -93,19 +93,19 @@ def _end_with(parent: int) -> None:
 
 
 class Runner:
-    """Context manager that runs studies on the same workers and stores the rows.
+    """Context manager that runs studies on one set of workers and stores the rows.
 
     Parameters
     ----------
     folder : Path, optional
-        Folder for the rows, from which later runs read finished cases; without a folder, rows are
-        kept in memory.
+        Folder for the rows. Later runs do not repeat the finished cases in this folder. Without a
+        folder, rows are kept in memory.
     jobs : int
         Number of worker processes.
     executor : concurrent.futures.Executor, optional
-        Executor that replaces the worker processes, such as the executor of a Dask client.
+        Executor that is used instead of worker processes, such as the executor of a Dask client.
     cache : RecordCache, optional
-        Cache of records; without a cache, every record is simulated.
+        Cache of records. Without a cache, every record is simulated.
     time_limit : float
         Time limit for one run of a user's estimator [s].
     overwrite : bool
@@ -139,7 +139,7 @@ class Runner:
 
     @cached_property
     def store(self) -> Store:
-        """Store of rows; the folder is created, or its old rows are removed, on first access."""
+        """Store of the rows; the first access creates the folder or removes its old rows."""
         store = Store(self._folder, overwrite=self._overwrite)
         store.check()
         return store
@@ -163,11 +163,11 @@ class Runner:
         study : Study
             Study to run.
         traces : bool
-            Whether to keep the curves for figures of single runs. If true, stored cases that have
-            no curves are run again.
+            Whether to keep the curves for figures of single runs. If true, stored cases without
+            curves are run again.
         about : mapping, optional
-            Further properties to store. With `about`, the study is recorded as the last study of
-            the folder.
+            Additional properties to store. If `about` is given, the folder records the study as its
+            last study.
 
         Raises
         ------
@@ -176,7 +176,7 @@ class Runner:
         NotRun
             If the machine could not run some cases; the finished cases are kept.
         KeyboardInterrupt
-            After Ctrl-C. Stored rows are kept; a repetition of the call runs the missing cases.
+            After Ctrl-C. Stored rows are kept. A second call runs the missing cases.
         """
         plan = units(study)
         part = plan[self.shard[0] - 1 :: self.shard[1]]
@@ -209,12 +209,12 @@ class Runner:
         self, scenarios: Sequence[Scenario], estimators: Sequence[str], seeds: Sequence[int], *,
         traces: bool = False,
     ) -> pd.DataFrame:  # fmt: skip
-        """Return the rows of the given cases (`Results.frame`) after running the missing ones."""
+        """Run the missing cases, and return the rows of all given cases (see `Results.frame`)."""
         study = Study("cases", tuple(scenarios), tuple(estimators), tuple(seeds))
         return self.run(study, traces=traces).frame
 
     def _outcomes(self, todo: Iterable[Unit], options: Options) -> Iterator[Outcome]:
-        """Yield the outcomes of units as they finish."""
+        """Yield the outcome of each unit as soon as the unit is finished."""
         queue, free = deque(todo), list(self._workers)
         self._compile([*queue][:UNITS], options)
         running: dict[Future[Outcome], tuple[Any, Unit, str]] = {}
@@ -235,7 +235,7 @@ class Runner:
                     yield self._after_death(worker, unit, log, error, queue)
 
     def _compile(self, todo: Sequence[Unit], options: Options) -> None:
-        """If no filter is compiled, compile all filters on one worker while others simulate."""
+        """If no filter is compiled yet, compile filters on one worker while others simulate."""
         first, *others = self._workers
         if not (others and options.cache and isinstance(first, Worker) and is_uncompiled()):
             return
@@ -249,10 +249,10 @@ class Runner:
     def _after_death(
         self, worker: Any, unit: Unit, log: str, error: BaseException, queue: deque[Unit]
     ) -> Outcome:
-        """Queue each case of a unit as a unit of its own after the death of a worker.
+        """Queue each case of a unit separately after the worker of the unit died.
 
         If the unit contains a single case with a user's estimator, this case is marked as failed.
-        For a single case with a registered estimator, the result is the reason for the death.
+        For a single case with a registered estimator, the result is the reason why the worker died.
         """
         if not isinstance(error, BrokenExecutor) and type(error).__name__ != "KilledWorker":
             raise StudyError(
@@ -278,7 +278,7 @@ class Runner:
         return {name: str(e) for name, e in problems.items() if isinstance(e, Misfit)}
 
     def _problems(self, pairs: Sequence[Pair]) -> Mapping[str, EstimatorError]:
-        """Return the errors of estimators that cannot be constructed, keyed by scenario."""
+        """Return the errors of estimators that cannot be constructed, keyed by scenario name."""
         with suppress(BrokenExecutor):  # the runs will show which estimator ends the process
             if pairs:
                 work = self._workers[0].submit(_problems, pairs, self._options)
@@ -287,7 +287,7 @@ class Runner:
 
 
 def _pairs(todo: Iterable[Unit]) -> list[Pair]:
-    """Return one pair for each setting: one of the scenarios, and the specification."""
+    """Return, for each setting of an estimator, one of its scenarios and its specification."""
     pairs = {each.text: (unit.scenario, each.spec) for unit in todo for each in unit.settings}
     return list(pairs.values())
 
@@ -304,23 +304,24 @@ def _problems(pairs: Sequence[Pair], options: Options) -> dict[str, EstimatorErr
 
 
 def rerun(results: Results, runner: Runner, sample: int = 0) -> pd.DataFrame:
-    """Run cases of a folder again with the installed version, and compare old and new scores.
+    """Repeat cases of a folder with the installed version, and compare old and new scores.
 
     Parameters
     ----------
     results : Results
-        Results in the folder, which is not changed.
+        Results in the folder. The function does not change the folder.
     runner : Runner
         Runner that does not use this folder.
     sample : int
-        Approximate number of cases to run, at equal distances in the list; 0 for all cases.
+        Approximate number of cases to run, evenly spaced in the list of cases; 0 means all cases.
 
     Returns
     -------
     DataFrame
-        Columns ``scenario, estimator, seed, parameter``, ``score``, the name of the score that
-        differs most, and ``difference``, the relative difference of this score, which is infinite
-        if only one of the two values is defined.
+        Table with the columns ``scenario, estimator, seed, parameter, score, difference``. The
+        column ``score`` contains the name of the score that differs most. The column ``difference``
+        contains the relative difference of this score. The difference is infinite if only one of
+        the two values is defined.
     """
     scores, key = [name for name in NUMBERS if "cost." not in name], ["seed", "parameter"]
     cases, lines = results.frame["case"].unique(), []

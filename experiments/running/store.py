@@ -1,10 +1,10 @@
 """Store the rows of a folder in one SQLite file, with one transaction per unit.
 
-Table `cases` contains one row per case. The scores of a case are stored as the bytes of a float64
-matrix (parameters, columns), because reading a million rows of text would take minutes; scores.csv
-is for other programs. Table `variants` contains the properties that all cases of one estimator on
-one scenario share, `traces` contains the data for figures of single runs, and `meta` contains the
-names of the columns, the versions and the last study.
+The table `cases` contains one row per case. The scores of a case are stored as the bytes of a
+float64 matrix (parameters, columns), because reading a million rows of text would take minutes.
+Other programs can read the rows from scores.csv. The table `variants` contains the properties that
+all cases of one estimator on one scenario share. The table `traces` contains the data for figures
+of single runs. The table `meta` contains the column names, the versions and the last study.
 """
 
 from __future__ import annotations
@@ -57,25 +57,25 @@ DETACH other;
 
 
 def made_with() -> dict[str, str]:
-    """Return versions of packages, and a digest of the code, on which the rows depend."""
+    """Return the package versions and the code digest on which the rows depend."""
     code = digest_of("models_mjcf", "sim", "estimators", "experiments.scoring")
     return versions() | {"code": code}
 
 
 class Store:
-    """Rows in a folder, or in memory without a folder.
+    """Rows of a folder in an SQLite database, or rows in memory if there is no folder.
 
     Parameters
     ----------
     folder : Path or None
-        Folder of the file; a missing folder is created. None to keep the rows in memory.
+        Folder of the database; a missing folder is created. None keeps the rows in memory.
     overwrite : bool
         Whether to remove existing rows.
 
     Raises
     ------
     StudyError
-        If the file of rows is damaged.
+        If the database file is damaged.
     OutputError, NotRun
         If the file cannot be written.
     """
@@ -100,7 +100,7 @@ class Store:
         Raises
         ------
         StudyError
-            If the folder has no file of rows.
+            If the folder contains no database of rows.
         """
         if not (folder / ROWS).is_file():
             raise StudyError(
@@ -110,12 +110,12 @@ class Store:
         return cls(folder)
 
     def check(self) -> None:
-        """Check that the existing rows were made by this version of the code.
+        """Check that this version of the code made the existing rows.
 
         Raises
         ------
         StudyError
-            If the rows were made by another version.
+            If another version of the code made the rows.
         """
         old, now = self.told("made_with"), made_with()
         differ = [
@@ -129,25 +129,25 @@ class Store:
             )
 
     def told(self, key: str) -> Any:
-        """Return an entry of `meta`, such as ``study`` (the last study), or None."""
+        """Return an entry of the table `meta`, such as ``study`` (the last study), or None."""
         with self._reported():
             query = "SELECT value FROM meta WHERE key = ?"
             return json.loads((self._db.execute(query, (key,)).fetchone() or ["null"])[0])
 
     def tell(self, **content: Any) -> None:
-        """Store entries in `meta`, and replace entries of the same name."""
+        """Store entries in the table `meta`, and replace existing entries of the same name."""
         with self._reported(), self._db:
             lines = [(key, json.dumps(value, allow_nan=False)) for key, value in content.items()]
             self._db.executemany("INSERT OR REPLACE INTO meta VALUES (?, ?)", lines)
 
     def done(self, *, traced: bool = False) -> set[str]:
-        """Return the ids of all cases or, if `traced`, of cases that failed or have a trace."""
+        """Return the ids of all cases; if `traced`, skip successful cases without a trace."""
         some = " WHERE error NOT NULL OR id IN (SELECT id FROM traces)" if traced else ""
         with self._reported():
             return {case for (case,) in self._db.execute(f"SELECT id FROM cases{some}")}
 
     def add(self, cases: Iterable[Done]) -> None:
-        """Add cases in one transaction; existing cases stay unchanged."""
+        """Add cases in one transaction, without changing existing cases."""
         with self._reported(), self._db:
             for case in cases:
                 self._db.execute("INSERT OR IGNORE INTO variants (about) VALUES (?)", (case.about,))
@@ -166,7 +166,7 @@ class Store:
         Raises
         ------
         StudyError
-            If the folder contains no rows, or if they were made by another version of the code.
+            If the folder contains no rows, or if another version of the code made its rows.
         """
         other = Store.read(folder)
         other.check()
@@ -177,7 +177,7 @@ class Store:
             self.tell(study=other.told("study"))
 
     def variants(self) -> dict[int, dict[str, Any]]:
-        """Return the properties that all cases of an estimator on a scenario share, by variant."""
+        """Return the properties that all cases of a variant share, keyed by variant."""
         with self._reported():
             lines = self._db.execute("SELECT id, about FROM variants")
             return {key: json.loads(text) for key, text in lines}
@@ -188,7 +188,7 @@ class Store:
         Parameters
         ----------
         chosen : mapping
-            Selected entries of `variants`, in the order in which their rows are returned.
+            Selected entries of `variants`, in the order of the returned rows.
         """
         names, cases, numbers = self.told("columns"), [], bytearray()
         query = ("SELECT id, seed, isolation, error, numbers FROM cases "
@@ -219,7 +219,7 @@ class Store:
 
     @contextmanager
     def _reported(self) -> Iterator[None]:
-        """Convert errors of SQLite to errors of flexaxis with a message of one line."""
+        """Convert an SQLite error to an error of flexaxis with a one-line message."""
         try:
             yield
         except sqlite3.OperationalError as error:
@@ -231,6 +231,6 @@ class Store:
             ) from error
         except sqlite3.DatabaseError as error:
             raise StudyError(
-                f"{self._path} is damaged or not a file of rows: {error}. Restore it from a copy, "
-                "or remove it and run the same command again"
+                f"{self._path} is damaged or not a file of rows: {error}. Restore the file from a "
+                "copy, or remove the file and run the same command again"
             ) from error

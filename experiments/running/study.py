@@ -1,4 +1,4 @@
-"""Studies: scenarios × estimators × seeds × swept keys, split into units that share records."""
+"""Define studies of scenarios, estimators and seeds, and split studies into units of work."""
 
 import json
 import math
@@ -19,14 +19,14 @@ from flexaxis.sim.scenario import Scenario
 Point = dict[str, Any]
 """Swept values, keyed by dotted key."""
 ALL = "estimator"
-"""Prefix of an option that applies to every estimator."""
+"""Prefix of a swept key that sets an option of every estimator."""
 SEEDS_PER_UNIT = 16  # enough for efficient batches, but few enough to show progress
 UNITS = 16  # smallest number of units (with enough records), so that many processes have work
 
 
 @dataclass(frozen=True)
 class Study:
-    """A study: every estimator on every scenario, at every point of a sweep and for every seed.
+    """A study, which runs every estimator on every scenario, sweep point and seed.
 
     Attributes
     ----------
@@ -35,16 +35,16 @@ class Study:
     scenarios : tuple of Scenario
         Scenarios with different names.
     estimators : tuple of str
-        Estimators as for `--estimator`.
+        Estimators, written as for the option `--estimator`.
     seeds : tuple of int
         Seeds of the records.
     axes : tuple of str
-        Swept keys; empty for a run.
+        Keys that the study sweeps; empty without a sweep.
     points : tuple of dict
         Points of the sweep; each point contains a value for every axis.
     streams : {"common", "own"}
-        "common" if all points of a scenario have the same random numbers, "own" if each point has
-        its own.
+        "common" if all sweep points of a scenario have the same random numbers, "own" if each sweep
+        point has different random numbers.
 
     Raises
     ------
@@ -83,12 +83,12 @@ class Study:
 
 @dataclass(frozen=True)
 class Setting:
-    """An estimator with its swept options.
+    """An estimator with the swept options of one sweep point.
 
     Attributes
     ----------
     estimator : str
-        Text of the estimator in the study.
+        Text of the estimator as in the study.
     text : str
         Text of the estimator with the swept options.
     axes : mapping
@@ -109,12 +109,12 @@ PlannedCase = tuple[str, Setting, int]
 
 @dataclass(frozen=True)
 class Unit:
-    """Work for one process: the cases of all estimators on one scenario, for a block of seeds.
+    """A unit of work: the cases of all estimators on one scenario for a block of seeds.
 
     Attributes
     ----------
     scenario : Scenario
-        Scenario with the swept values of one point.
+        Scenario with the swept values of one sweep point.
     base : str
         Name of the scenario before the sweep.
     axes : mapping
@@ -126,8 +126,8 @@ class Unit:
     done : frozenset of str
         Ids of cases to skip.
     error : str
-        Error message for a unit with a single case that is known to fail. If there is a message,
-        the case is stored as failed and not run again.
+        Error message of a single case that is known to fail. A unit with a message is stored as
+        failed and not run.
     """
 
     scenario: Scenario
@@ -139,7 +139,7 @@ class Unit:
     error: str = ""
 
     def cases(self) -> list[PlannedCase]:
-        """Return the cases to run."""
+        """Return the cases of this unit that are not done yet."""
         every = (
             (case_id(self.scenario.hash, setting, seed), setting, seed)
             for setting, seed in product(self.settings, self.seeds)
@@ -148,7 +148,7 @@ class Unit:
 
 
 def case_id(scenario_hash: str, setting: Setting, seed: int) -> str:
-    """Return the id of a case: 64 bits of a hash, in hexadecimal."""
+    """Return the id of a case, which is a hash of 64 bits in hexadecimal notation."""
     text = f"{scenario_hash} {setting.text} {setting.spec.digest or ''} {seed} "
     return sha256(text.encode()).hexdigest()[:16]
 
@@ -170,7 +170,7 @@ def is_option(key: str, names: Sequence[str]) -> bool:
 
 
 def units(study: Study) -> list[Unit]:
-    """Return the units of a study.
+    """Split a study into units of work.
 
     Raises
     ------
@@ -190,7 +190,7 @@ def units(study: Study) -> list[Unit]:
 
 
 def _settings(study: Study) -> dict[str, tuple[Setting, ...]]:
-    """Return the settings for each point of the swept scenario keys; the key is JSON."""
+    """Return the estimator settings for each combination of swept scenario values (as JSON)."""
     options = [key for key in study.axes if is_option(key, study.estimators)]
     result: dict[str, dict[str, Setting]] = {}
     for point in study.points:
@@ -217,7 +217,7 @@ def _named(study: Study, axes: Point) -> Iterator[None]:
 
 
 def missing(every: Sequence[Unit], done: set[str]) -> Iterator[Unit]:
-    """Yield the units with missing cases; a case in two units is run in the first unit only."""
+    """Yield the units that have missing cases; each case is run in one unit only."""
     planned = set(done)
     for unit in every:
         ids = {case for case, _, _ in unit.cases()}

@@ -38,7 +38,7 @@ class EstimatorCrash(EstimatorError):
 
 
 def names_code(text: str) -> bool:
-    """Return whether a text names a file, module or program of the user, and so has a colon.
+    """Return whether a text contains a colon, that is, names a user's file, module or program.
 
     Examples
     --------
@@ -49,7 +49,7 @@ def names_code(text: str) -> bool:
 
 
 def code_file(text: str) -> str:
-    """Return the file of an estimator written as path/file.py:Class, or an empty text."""
+    """Return the file of an estimator that is written as path/file.py:Class, or an empty text."""
     file = text.partition("[")[0].rpartition(":")[0]
     return file if file.endswith(".py") else ""
 
@@ -73,13 +73,13 @@ def load_class(text: str) -> Callable[..., Any]:
 
 @cache
 def _module_of(path: Path) -> Any:
-    """Import a file, and add its folder at the end of the search path, after all libraries."""
+    """Import a file, and add its folder to the search path after the folders of all libraries."""
     if str(path.parent) not in sys.path:
         sys.path.append(str(path.parent))
     name = f"_flexaxis_user_{path.stem}_{abs(hash(path))}"
     spec = spec_from_file_location(name, path)
     assert spec is not None and spec.loader is not None  # a .py file has both
-    sys.modules[name] = module = module_from_spec(spec)  # dataclasses look it up there
+    sys.modules[name] = module = module_from_spec(spec)  # dataclasses need the module there
     spec.loader.exec_module(module)
     return module
 
@@ -88,20 +88,21 @@ def _module_of(path: Path) -> Any:
 def reported(
     text: str, where: str, *, first: int = 0, period: float = 0.0, refusing: bool = False
 ) -> Iterator[None]:
-    """Convert an exception of an estimator to an error that names estimator, place and sample.
+    """Convert an estimator's exception to an error that names the estimator and the sample.
 
     Parameters
     ----------
     text : str
-        The estimator, as for `--estimator`.
+        Text of the estimator, written as for the option `--estimator`.
     where : str
-        Place in the message, such as "in its constructor" or "on fm_step-v1, seed 1000".
+        Place of the error for the message, such as "in its constructor" or "on fm_step-v1, seed
+        1000".
     first : int
         Index of the first sample that the estimator reads in this context.
     period : float
         Sampling period [s].
     refusing : bool
-        Whether to raise an `EstimatorError` unchanged.
+        Whether to pass on an `EstimatorError` unchanged.
 
     Raises
     ------
@@ -133,7 +134,7 @@ def describe(error: BaseException) -> str:
 
 
 def user_line(error: BaseException) -> str:
-    """Return the last line of user code in a traceback as ``file.py:12``, or an empty text."""
+    """Return the last line of user code in a traceback as ``file.py:12``, or an empty string."""
     frames = traceback.extract_tb(error.__traceback__)
     return next((f"{f.filename}:{f.lineno}" for f in frames[::-1] if _is_users(f.filename)), "")
 
@@ -160,7 +161,7 @@ def is_of_the_machine(error: BaseException | None) -> bool:
 
 @contextmanager
 def ended_after(seconds: float | None, log: str) -> Iterator[None]:
-    """End this process if the block takes longer than `seconds`.
+    """End this process if the code in the context takes longer than `seconds`.
 
     Before the process ends, the tracebacks of all threads are written to the file `log`. The timer
     runs in C and therefore also stops code that never returns to Python.
@@ -175,9 +176,9 @@ def ended_after(seconds: float | None, log: str) -> Iterator[None]:
 
 
 def why_it_ended(log: str, seconds: float) -> str:
-    """Return the reason for the death of a worker, based on the file that `ended_after` wrote."""
+    """Return the reason why a worker died, based on the file that `ended_after` wrote."""
     if not (Path(log).exists() and Path(log).read_text(errors="replace")):
-        return "its process died: the code ended it, memory ran out, or it was killed"
+        return "its process died, because the code ended it, memory ran out, or it was killed"
     return (
         f"TimeoutError: not finished within {seconds:g} s. If the estimator needs more time, set "
         "--time-limit (in Python time_limit=)"
@@ -188,7 +189,9 @@ HEAD = b"FLEXAXIS\1\0\0\0\4\3\2\1"  # version 1, and a number that indicates the
 
 
 class PipeEstimator:
-    """A program that reads samples from stdin and writes estimates to stdout (docs/pipes.md).
+    """An estimator program that reads samples from stdin and writes estimates to stdout.
+
+    The page docs/pipes.md describes the protocol.
 
     Parameters
     ----------
@@ -199,7 +202,7 @@ class PipeEstimator:
     period : float
         Sampling period [s].
     identify : sequence of str
-        Parameters in the scenario's `identify`; the program may estimate other parameters.
+        Parameters that the scenario identifies; the program may estimate other parameters.
     output : str
         Name of the measured signal y.
 
@@ -228,11 +231,11 @@ class PipeEstimator:
         self.output = signals[place]
 
     def step(self, u: float, y: float | None) -> NDArray[np.float64]:
-        """Return θ[k] (p,) for u[k] and y[k]; None for a missing y is sent as NaN."""
+        """Return θ[k] (p,) for u[k] and y[k]; a missing y (None) is sent as NaN."""
         return self.run([u], np.array([y], float))[0]
 
     def run(self, u: ArrayLike, y: ArrayLike, valid: Any = True) -> NDArray[np.float64]:
-        """Return θ (N, p) for u and y (N,)."""
+        """Return the estimates θ (N, p) for the inputs u (N,) and the outputs y (N,)."""
         samples, answer = np.column_stack([u, np.where(valid, y, np.nan)]), b""
         # Each part is smaller than the buffer of a pipe, so neither process blocks the other.
         for part in np.split(samples, range(2048, len(samples), 2048)):
@@ -249,7 +252,7 @@ class PipeEstimator:
             answer = self._process.stdout.read(size)  # type: ignore[union-attr]
         if len(answer) < size:
             raise EstimatorError(
-                f"the program ended after {len(answer)} of {size} bytes (docs/pipes.md)"
+                f"the program ended after sending {len(answer)} of {size} bytes (docs/pipes.md)"
             )
         return answer
 

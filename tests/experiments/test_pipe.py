@@ -142,9 +142,9 @@ FIRST = [
     ("period, output, v", "print('{}' * 20, flush=True)\nperiod, output, v", r"answered b'\{\}"),
     ('"<IIII", version, mark', '">IIII", version, mark', "the header in docs/pipes.md"),
     ('"<IIII", version, mark', '"<IIII", 2, mark', "the header in docs/pipes.md"),
-    ('.ljust(32, b"\\0"))', ")\nsys.exit()", "ended after 35 of 64 bytes"),
+    ('.ljust(32, b"\\0"))', ")\nsys.exit()", "ended after sending 35 of 64 bytes"),
 ]  # fmt: skip
-LATER = [("for u, y", "sys.exit('no luck')\n    for u, y", "ended after 0 of 80 bytes")]
+LATER = [("for u, y", "sys.exit('no luck')\n    for u, y", "ended after sending 0 of 80 bytes")]
 
 
 @pytest.mark.parametrize(("old", "new", "message"), FIRST, ids=range(len(FIRST)))
