@@ -1,4 +1,4 @@
-"""Simulate an axis in closed loop; parameters, friction, noise and excitation can be changed."""
+"""Simulate the axis in closed loop; parameters, friction, sensor and excitation can be changed."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from flexaxis.experiments.scoring.bounds import noise_variance
 from flexaxis.experiments.scoring.parameter_names import true_theta
 from flexaxis.sim.parameters import AxisParameters, preset
 from flexaxis.sim.plant.plant import Plant
@@ -33,6 +34,15 @@ FRICTION: Mapping[str, Mapping[str, Any]] = {
 For comparison, the rms torque of the motor is 0.85 N m.
 """
 
+SENSORS: Mapping[str, Mapping[str, Any]] = {
+    "speed with noise": {},
+    "encoder, 2048 counts": {"output": "angle", "encoder": {"counts": 2048}},
+}
+"""Choices of the sensor of the motor: keys of a scenario, keyed by the name of the choice.
+
+An encoder rounds the motor angle to the nearest count and has no other noise.
+"""
+
 EXCITATION = ("on", "stop-and-go", "off")
 SPELL = 10.0
 """Length of each motion and each standstill in the mode "stop-and-go" [s]."""
@@ -52,7 +62,7 @@ class LiveAxis:
     nominal, parameters : AxisParameters
         Parameters without a fault, and current parameters.
     scenario : Scenario
-        Scenario that contains the table of the current dry friction.
+        Scenario that contains the current dry friction and the current sensor.
     samples : int
         Number of samples simulated so far.
     noise : float
@@ -71,12 +81,23 @@ class LiveAxis:
         self._white = stream("demo", seed, "noise.speed")
         self._controller = Controller(ControllerConfig(), 1, period=PERIOD)
         self._plant: Any = None
-        self.set_friction("none")
+        self._friction, self._sensor = FRICTION["none"], SENSORS["speed with noise"]
+        self._build()
 
     @property
     def time(self) -> float:
         """Simulated time [s]."""
         return self.samples * PERIOD
+
+    @property
+    def output(self) -> str:
+        """Name of the signal that the estimators receive: speed or angle."""
+        return self.scenario.output
+
+    @property
+    def variance(self) -> float:
+        """Variance of the noise of the signal that the estimators receive."""
+        return self.noise**2 if self.output == "speed" else noise_variance(self.scenario)
 
     @property
     def excited(self) -> bool:
@@ -118,7 +139,23 @@ class LiveAxis:
 
     def set_friction(self, kind: str) -> None:
         """Change the dry friction to an entry of `FRICTION`, without changing angles and speeds."""
-        content = {"name": "live", "duration": 1.0, "preset": "n1", **FRICTION[kind]}
+        self._friction = FRICTION[kind]
+        self._build()
+
+    def set_sensor(self, kind: str) -> None:
+        """Change the sensor of the motor to an entry of `SENSORS`."""
+        self._sensor = SENSORS[kind]
+        self._build()
+
+    def _build(self) -> None:
+        """Build the plant with the current friction, without changing angles and speeds."""
+        content = {
+            "name": "live",
+            "duration": 1.0,
+            "preset": "n1",
+            **self._friction,
+            **self._sensor,
+        }
         self.scenario = scenario_from(content, source="live axis")
         laws, old = [*self.scenario.nonlinear.values()], self._plant
         self._plant = Plant(
@@ -132,17 +169,22 @@ class LiveAxis:
 
         Returns
         -------
-        torque, speed, excited : ndarray (samples,)
-            Torque [N m], measured speed [rad/s], and whether the reference moves at each sample.
+        torque, measured, excited : ndarray (samples,)
+            Torque [N m], measured speed [rad/s] or angle [rad], and whether the reference moves at
+            each sample.
         """
-        torque, speed = np.empty((2, samples))
+        torque, speed, angle = np.empty((3, samples))
         excited = np.empty(samples, bool)
         for k in range(samples):
             excited[k] = self.excited
-            speed[k] = self._plant.speed_m[0]
+            speed[k], angle[k] = self._plant.speed_m[0], self._plant.angle_m[0]
             self._moved += int(excited[k])
             reference = self._signal[[(self._moved - 1) % len(self._signal)]]
             torque[k] = self._controller.torque(reference, self._plant.angle_m)[0]
             self._plant.step(torque[k : k + 1])
             self.samples += 1
-        return torque, speed + self.noise * self._white.standard_normal(samples), excited
+        noise = self.noise * self._white.standard_normal(samples)
+        if self.output == "speed":
+            return torque, speed + noise, excited
+        read = self.scenario.encoder.stage("angle", lambda purpose: np.empty(0), PERIOD)
+        return torque, read(angle), excited

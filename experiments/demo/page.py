@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.experiments.demo.axis import EXCITATION, FRICTION
+from flexaxis.experiments.demo.axis import EXCITATION, FRICTION, SENSORS
 from flexaxis.experiments.demo.racer import HYPOTHESES, SHOWN, TUNING
 from flexaxis.experiments.demo.session import BUTTONS, MARK, DemoSession
 from flexaxis.experiments.demo.tracking import LENGTH, Change
@@ -124,11 +124,12 @@ class Page:
         bounds = ("bound, known parameter", COLOURS[3]), ("unknown", COLOURS[4])
         self._left = _plot(gui, "error since the last change", (A, B, *bounds), x=SINCE, y=SHARE)
         self._changes = gui.add_html("")
-        with gui.add_folder("Axis: noise, excitation, dry friction", expand_by_default=False):
+        with gui.add_folder("Axis: noise, excitation, friction, sensor", expand_by_default=False):
             noise = gui.add_slider("noise [rad/s]", 0.0, 0.5, 0.01, session.axis.noise)
             self._on(noise, "set_noise")
             self._on(gui.add_dropdown("excitation", EXCITATION), "set_excitation")
             self._on(gui.add_dropdown("friction", [*FRICTION]), "set_friction")
+            self._on(gui.add_dropdown("sensor", [*SENSORS]), "set_sensor")
         for letter, racer in zip("AB", session.racers, strict=True):
             with gui.add_folder(f"Estimator {letter}: choice, λ, Δ, μ", expand_by_default=False):
                 names = dict.fromkeys([racer.text, *(n for n in REGISTRY if n != "oracle-reset")])

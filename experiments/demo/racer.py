@@ -46,6 +46,10 @@ class Racer:
         Name of the estimator and its options, as for `--estimator`.
     nominal : AxisParameters
         Nominal parameter values for the estimator.
+    output : str
+        Name of the signal that the estimator receives.
+    tuning : mapping of str to float, optional
+        Values of options in `TUNING`; the estimator's own values by default.
 
     Attributes
     ----------
@@ -62,23 +66,30 @@ class Racer:
     Raises
     ------
     EstimatorError, FlexaxisError
-        If the estimator does not exist, or does not estimate `NAMES` from the speed.
+        If the estimator does not exist, or does not estimate `NAMES` from this signal.
     """
 
-    def __init__(self, text: str, nominal: AxisParameters) -> None:
+    def __init__(
+        self,
+        text: str,
+        nominal: AxisParameters,
+        output: str = "speed",
+        tuning: Mapping[str, float] | None = None,
+    ) -> None:
         self.text, self._spec, self._nominal = text, parse(text), nominal.as_dict()
+        self._output = output
         usual = {} if self._spec.is_users else REGISTRY[self._spec.name].options
-        options = {**usual, **self._spec.options}
+        options = {**usual, **self._spec.options, **(tuning or {})}
         self.tuning = {name: options[name] for name in TUNING if name in options}
         self.theta = np.array([self._nominal[p] ** float(e) for p, e in map(physical, NAMES)])
         self.thoughts: list[Array] = []
         self._seen = self._changed = 0
         self._estimator = self._build(self.tuning)
         names = tuple(self._estimator.names)
-        if names[: len(NAMES)] != NAMES or self._estimator.output != "speed":
+        if names[: len(NAMES)] != NAMES or self._estimator.output != output:
             raise FlexaxisError(
                 f"{text} estimates {', '.join(names)} from the {self._estimator.output}; "
-                f"the demo needs estimators of {', '.join(NAMES)} from the speed"
+                f"the demo needs estimators of {', '.join(NAMES)} from the {output}"
             )
         self._columns = [names.index(name) if name in names else len(names) for name in SHOWN]
 
@@ -113,11 +124,11 @@ class Racer:
         """Start to record probabilities and detections, and delete those of earlier changes."""
         self.thoughts, self._changed = [], self._seen
 
-    def run(self, torque: Array, speed: Array) -> Array:
+    def run(self, torque: Array, measured: Array) -> Array:
         """Process the next samples (n,), and return the estimates (n, 4) of `SHOWN`."""
         each = hasattr(self._estimator, "hypotheses") and len(self.thoughts) < WATCHED
         estimates = []
-        for part in np.split(np.stack([torque, speed]), len(torque) if each else 1, axis=1):
+        for part in np.split(np.stack([torque, measured]), len(torque) if each else 1, axis=1):
             estimates.append(run_estimator(self._estimator, *part))
             if each:
                 self.thoughts.append(self._thought())
@@ -135,7 +146,7 @@ class Racer:
         value : float
             New value of the option.
         recent : ndarray (2, n)
-            Torque [N m] and speed [rad/s] of the most recent samples.
+            Torque [N m] and measured signal of the most recent samples.
 
         Raises
         ------
@@ -152,13 +163,13 @@ class Racer:
     def join(self, recent: Array, P: Array | None = None) -> None:
         """Run a new estimator on recent samples, because the axis is already moving.
 
-        `recent` (2, n) contains the torque [N m] and the speed [rad/s]. The first speed samples are
-        marked as missing. During this gap, the predictor uses only the torque, and the error of its
+        `recent` (2, n) contains the torque [N m] and the measured signal. The first readings
+        are marked as missing. During this gap, the predictor uses only the torque, and the error of its
         initial state (at rest) decays.
         """
         self._seen = 0
-        torque, speed = recent
-        if len(torque) <= SETTLE or self._spec.is_users:  # user code may not support gaps
+        torque, measured = recent
+        if len(torque) < SETTLE or self._spec.is_users:  # user code may not support gaps
             return
         gap = torque[:SETTLE]
         run_estimator(self._estimator, gap, np.zeros(SETTLE), np.zeros(SETTLE, bool))
@@ -166,7 +177,8 @@ class Racer:
             with suppress(AttributeError):  # some estimators do not allow setting P
                 self._estimator.P = P  # type: ignore[attr-defined]
         self._seen = SETTLE
-        self.run(torque[SETTLE:], speed[SETTLE:])
+        if len(torque) > SETTLE:
+            self.run(torque[SETTLE:], measured[SETTLE:])
         self.watch()
 
     def _thought(self) -> Array:
@@ -182,4 +194,4 @@ class Racer:
         spec = replace(self._spec, options={**self._spec.options, **tuning})
         # P(0) is computed for the nominal axis, even if the estimates are far from nominal.
         P0 = known_P(NAMES, forgetting=tuning.get("forgetting"), scale=tuning.get("scale", 1))
-        return make_estimator(spec, values, PERIOD, P0=P0)
+        return make_estimator(spec, values, PERIOD, P0=P0, output=self._output)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators import RECOMMENDED
-from flexaxis.experiments.demo.axis import EXCITATION, FRICTION, LiveAxis
+from flexaxis.experiments.demo.axis import EXCITATION, FRICTION, SENSORS, LiveAxis
 from flexaxis.experiments.demo.racer import SETTLE, SHOWN, Racer
 from flexaxis.experiments.demo.tracking import Change
 from flexaxis.sim.errors import FlexaxisError, unknown
@@ -34,7 +34,10 @@ BUTTONS: Mapping[str, tuple[str, float]] = {
 """Fault of each button: the parameter, and the ratio of its new value to the nominal value."""
 
 
-ACTIONS = ("inject", "repair", "set_friction", "set_excitation", "set_noise", "tune", "choose")
+ACTIONS = (
+    "inject", "repair", "set_friction", "set_excitation", "set_noise", "set_sensor", "tune",
+    "choose",
+)  # fmt: skip
 """Names of the methods that a viewer or a lesson may call."""
 
 
@@ -84,11 +87,11 @@ class DemoSession:
         """Simulate the next samples, and run both estimators on these samples."""
         while samples > 0:
             n = min(samples, MARK - self.axis.samples % MARK)
-            torque, speed, excited = self.axis.advance(n)
+            torque, measured, excited = self.axis.advance(n)
             # A chunk ends at each multiple of `MARK`, so that the results do not depend on the
             # numbers of samples in successive calls.
-            estimates = [racer.run(torque, speed) for racer in self.racers]
-            self._recent = np.hstack([self._recent, [torque, speed]])[:, -RECENT:]
+            estimates = [racer.run(torque, measured) for racer in self.racers]
+            self._recent = np.hstack([self._recent, [torque, measured]])[:, -RECENT:]
             if self.changes:
                 self.changes[-1].take(estimates, torque, excited)
                 self.changes[-1].findings = [racer.finding for racer in self.racers]
@@ -158,6 +161,23 @@ class DemoSession:
         self.axis.noise = noise
         return f"noise {noise:g} rad/s"
 
+    def set_sensor(self, kind: str) -> str:
+        """Set the sensor to an entry of `flexaxis.experiments.demo.axis.SENSORS`.
+
+        Both estimators then read another signal, so they restart at nominal values.
+        """
+        if kind not in SENSORS:
+            raise FlexaxisError(unknown("sensor", kind, SENSORS))
+        output = SENSORS[kind].get("output", "speed")
+        racers = [Racer(r.text, self.axis.nominal, output, r.tuning) for r in self.racers]
+        # Only the torque of these samples is used, because they contain readings of the old sensor.
+        self._recent = self._recent[:, -SETTLE:]
+        for racer in racers:
+            racer.join(self._recent)
+        self.axis.set_sensor(kind)
+        self.racers = racers
+        return self._follow(f"sensor: {kind}", self.axis.theta(SHOWN))
+
     def tune(self, racer: str, option: str, value: float) -> str:
         """Set an option of estimator A or B, without changing its current estimate."""
         self.racers["AB".index(racer)].tune(option, value, self._recent)
@@ -165,7 +185,7 @@ class DemoSession:
 
     def choose(self, racer: str, estimator: str) -> str:
         """Replace estimator A or B by another estimator, which starts at nominal values."""
-        fresh = Racer(estimator, self.axis.nominal)
+        fresh = Racer(estimator, self.axis.nominal, self.axis.output)
         fresh.join(self._recent)
         self.racers["AB".index(racer)] = fresh
         return f"{racer} is now {estimator}"

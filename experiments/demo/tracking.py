@@ -60,8 +60,8 @@ class Change:
         self.parameter = SHOWN[self._column] if self._size else None
         # False if the change has removed the dry friction
         known = SHOWN[self._column] in tracked(axis.scenario, NAMES)
-        self._bounded = known and np.count_nonzero(sizes) == 1 and axis.noise > 0
-        self._where = axis.scenario, axis.values, axis.state, axis.noise**2
+        self._bounded = known and np.count_nonzero(sizes) == 1 and axis.variance > 0
+        self._where = axis.scenario, axis.values, axis.state, axis.variance
         self.curves = np.full((0 if self.parameter else 1, 4), np.nan)
         self._torque = np.empty(0)
         self.findings = ["", ""]

@@ -45,6 +45,25 @@ def test_the_race_is_what_the_estimator_does_alone():
     np.testing.assert_array_equal(session.curves()["theta"][:, 0, :3], expected[MARK - 1 :: MARK])
 
 
+def test_estimators_read_an_encoder():
+    """The readings are whole counts; both restart, find the fault, and keep above the bound."""
+    session = DemoSession()
+    session.advance(5 * RATE)
+    session.do("set_sensor", "encoder, 2048 counts")
+    step = 2 * np.pi / 2048
+    assert session.axis.variance == pytest.approx(step**2 / 12)
+    session.advance(8 * RATE)
+    counts = session._recent[1, -RATE:] / step
+    np.testing.assert_allclose(counts, np.rint(counts), atol=1e-6)
+    session.do("inject", "f_m", 1.5)
+    session.advance(5 * RATE)
+    slow, quick, single, unknown = session.changes[-1].lags
+    assert 0 < single < unknown < quick < slow
+    np.testing.assert_allclose(session.racers[1].theta[:3], [1.0, 1.25, 0.075], rtol=0.02)
+    session.do("set_sensor", "gyroscope")
+    assert "encoder, 2048 counts" in session.message
+
+
 def test_both_find_a_fault_and_the_bank_says_when():
     session = DemoSession()
     session.advance(8 * RATE)
