@@ -164,8 +164,8 @@ class Racer:
         """Run a new estimator on recent samples, because the axis is already moving.
 
         `recent` (2, n) contains the torque [N m] and the measured signal. The first readings
-        are marked as missing. During this gap, the predictor uses only the torque, and the error of its
-        initial state (at rest) decays.
+        are marked as missing. During this gap, the predictor uses only the torque, and the error of
+        its initial state (at rest) decays.
         """
         self._seen = 0
         torque, measured = recent
