@@ -1,8 +1,9 @@
 """Lab 1: the model, the poles, and a comparison of the simulated axis with the equations."""
 
 # %% The equations
-# The axis consists of three masses and two springs. Its states are two twists and three speeds.
-# Write down A and B before you continue (equations 3 and 4 of the paper). `r` is the gear ratio.
+# The axis consists of three masses and two springs. The states of the axis are two twists and three
+# speeds. Write down A and B before you continue (equations 3 and 4 of the paper). `r` is the gear
+# ratio.
 import matplotlib.pyplot as plt
 import mujoco
 import numpy as np

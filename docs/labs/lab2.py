@@ -42,7 +42,8 @@ ratio = time_average / from_spectrum
 print("time average over sum of (28):", ratio.round(4))
 
 # %% Contribution of each frequency
-# Question 1: which frequencies contain the information about J_a, and which about friction?
+# Question 1: which frequencies contain the information about J_a, and which frequencies contain the
+# information about friction?
 # Question 2: excitation causes wear. Which frequency band would you omit if you only needed f_m?
 _, slopes = frequency_response(model, model.theta, omega, period=0.005)
 share = np.cumsum(np.abs(slopes) ** 2 * power[:, None], axis=0)

@@ -47,10 +47,9 @@ for forgetting in LAMBDAS:
     )
 
 # %% Comparison of theory and experiment
-# Question 1: by which factor does the standard deviation change if the memory is half as long?
-# Question 2: the lag is longer than the memory T/(1 - lambda). Which assumption is wrong?
-# (lambda = 0.999 is an exception: the lag cannot exceed 5 s, the time after the fault over which it
-# is measured.)
+# Question 1: by what factor does the standard deviation change if the memory is half as long?
+# Question 2: the lag is longer than the memory T/(1 - lambda). Which assumption is wrong? (lambda =
+# 0.999 is an exception: the lag is measured over 5 s, so it cannot exceed 5 s.)
 print("lambda   std theory   std measured   lag [s]   T/(1-lambda) [s]")
 for forgetting, theory, measured, lag in rows:
     print(

@@ -22,7 +22,7 @@ truth = axis.parametrize(names).theta * [1, 1, 1.5]
 # %% Three values of mu
 # While psi is zero, forgetting divides P by lambda in every sample. In 20 s, forgetting therefore
 # divides P by 0.995^4000.
-# Question 1: by which factor does P grow?
+# Question 1: by what factor does P grow?
 # Question 2: at which value does equation (12) stop the growth of P?
 def run(mu):
     """Return the largest eigenvalue of P (N,), and the estimates divided by true values (N, 3)."""
@@ -52,7 +52,7 @@ below.set_xlabel("time [s]")
 plt.show()
 
 # %% The error after the restart
-# Question 3: what is the effect of a much too large mu on the estimates while the axis moves?
+# Question 3: how do the estimates change while the axis moves if mu is much too large?
 print("  mu     peak of P   (1-lambda)/mu   largest error of k_T, 1/J_a after the restart")
 for mu, (largest, theta) in results.items():
     bound = (1 - FORGETTING) / mu if mu else np.inf

@@ -26,7 +26,7 @@ plt.rcParams["figure.dpi"] = 90
 #    P \leftarrow \frac{(I - K\psi^\mathsf{T})P}{\lambda}. $$
 #
 # A filter with a long memory has little noise, and a filter with a short memory is fast. *The idea is to run two filters*, and to
-# use the fast filter whenever it differs from the slow filter by more than its own covariance explains:
+# use the fast filter whenever it differs from the slow filter by more than the covariance of the fast filter explains:
 #
 # $$ (\hat\theta_\text{quick}-\hat\theta_\text{slow})^\mathsf{T}\,\Sigma^{-1}\,(\hat\theta_\text{quick}-\hat\theta_\text{slow}) > h^2. $$
 #

@@ -5,9 +5,10 @@
 # spring?* This notebook takes about a minute and shows all steps: a log, the parameters of the axis with their uncertainty, and a
 # change over weeks that is not an effect of the temperature.
 #
-# There is no robot behind this page, so the first cell simulates the logs. A published robot axis (Wernholt and Gunnarsson, 2006)
-# performs the same motion for 20 s every morning, and the temperature varies from day to day. From day 10 on, the dry friction of
-# the axis grows. Only the last cell uses the true values of the simulation. If you have your own logs, skip the first cell.
+# This notebook has no access to a robot, so the first cell simulates the logs. A published robot axis (Wernholt and Gunnarsson,
+# 2006) performs the same motion for 20 s every morning, and the temperature varies from day to day. From day 10 on, the dry
+# friction of the axis grows. Only the last cell uses the true values of the simulation. If you have your own logs, skip the first
+# cell.
 
 # %%
 from dataclasses import replace
@@ -59,8 +60,8 @@ log.head(3)
 
 # %% [markdown]
 # `import` searches for problems that would otherwise make the estimates wrong without an error message: a shift by one sample,
-# clocks that drift apart, clipping, or a motion without reversals. It explains each problem and names the option that solves the
-# problem.
+# clocks that drift apart, clipping, or a motion without reversals. `import` explains each problem and names the option that
+# solves the problem.
 
 # %%
 # !flexaxis import days/2026-01-01.csv -o rec.nc -q

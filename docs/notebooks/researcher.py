@@ -128,7 +128,7 @@ panels[0].set_ylabel("lag [s]  (dotted: no reaction)")
 panels[1].legend(frameon=False, fontsize=8)
 plt.show()
 # %% [markdown]
-# The figure shows three things.
+# The figure shows three results.
 #
 # 1. With forgetting, larger faults are not easier to track. With almost no dry friction, the lag of `rpem-forgetting` increases
 #    with the size of the fault, from 1.2 s to 2.6 s. The lag of `cusum-reset` has a minimum at the middle size. The lag of `glr`

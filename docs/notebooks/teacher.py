@@ -110,8 +110,8 @@ plt.show()
 #
 # ## 3. The trade-off in theory and experiment
 #
-# The memory is $1/(1-\lambda)$ samples. A longer memory averages out more noise, but reacts later to a change. For small
-# $\nu = 1-\lambda$ the theory (Ljung and Gunnarsson, 1990) predicts
+# The memory is $1/(1-\lambda)$ samples. A filter with a longer memory averages out more noise, but reacts later to a change. For
+# small $\nu = 1-\lambda$ the theory (Ljung and Gunnarsson, 1990) predicts
 #
 # $$ \operatorname{var}\hat\theta = \tfrac12\,\nu\,\sigma^2 Q^{-1},\qquad Q = \mathrm E\,\psi\psi^\mathsf{T},
 #    \qquad\text{lag} \approx T/\nu. $$
