@@ -26,18 +26,21 @@ ByName = Mapping[str, Any]
 Method = str | tuple[float, ...]
 
 FAULTS = {"k_T": ("kt_step-v1", 0.97), "1/J_a": ("ja_step-v1", 1.02), "f_m": ("fm_step-v1", 1.1)}
-"""Scenario with a step fault of each identified parameter, and a smaller factor of the fault.
+"""Scenario with a step fault of each identified parameter, and the factor of a smaller fault.
 
-The smaller factor multiplies k_T, J_a or f_m. It causes a change that is small enough for linear
-theory but much larger than the noise.
+The factor multiplies k_T, J_a or f_m. The smaller fault is small enough for linear theory, but much
+larger than the noise.
 """
 PAUSE = (10.0, 30.0)
 """Begin and end of the standstill in the scenario that demonstrates windup [s]."""
 FORGETTING = 0.995
 METHODS = ("forgetting", "modification")
 SIZES = {"nominal": 30, "long": 8, "calm": 30, "others": 16}
-"""Numbers of runs: of the paper's experiment, of its version with 60 s, of its version in which the
-estimates start at the true parameters, and of each scenario with a standstill or fault."""
+"""Numbers of runs of the scenarios.
+
+"nominal" is the paper's experiment, and "long" is a version of 60 s. In "calm", the estimates start
+at the true parameters. Each scenario with a standstill or a fault has the number "others".
+"""
 STRIDE = 20
 """Number of samples between two stored values of P."""
 
@@ -78,15 +81,15 @@ class Evidence:
         parameter (keyed by the parameter), and one with a small step fault of each parameter (such
         as ``"small f_m"``).
     onset : int
-        Index of the first sample after the fault, which is the same in all scenarios with a fault.
+        Index of the first sample after the fault. All scenarios with a fault have the same onset.
     model : Parametrization
         Model of the nominal axis as a function of the identified parameters.
     theta : ndarray (p,)
         Nominal values of the identified parameters.
     adaptations : dict of str to dict
-        Options of `Rpem` for each method, keyed by the name of the method. The methods are
-        forgetting with the paper's λ, covariance modification with Δ of eq. (32), and slower
-        versions of both. A method can also be a tuple of time constants [s], one per parameter.
+        Options of `Rpem`, keyed by the name of the method. The methods are forgetting with the
+        paper's λ, covariance modification with Δ of eq. (32), and slower versions of both. Instead
+        of a name, a method can be a tuple of time constants [s], one per parameter.
     """
 
     def __init__(self, *, first: int = FIRST, sizes: Mapping[str, int] = SIZES) -> None:
@@ -119,7 +122,7 @@ class Evidence:
 
     @cache  # noqa: B019
     def records(self, group: str) -> list[Any]:
-        """Return the records of the scenario with the key `group` in `scenarios`."""
+        """Return all records of the scenario with the key `group` in `scenarios`."""
         number = self.sizes.get(group, self.sizes["others"])
         seeds = range(self.first, self.first + number)
         return records(self.scenarios[group], seeds, default_cache())
@@ -166,10 +169,10 @@ class Evidence:
         )  # fmt: skip
 
     def runs(self, method: Method) -> Runs:
-        """Return the results of a method.
+        """Return the runs of a method.
 
-        `METHODS` are run on the paper's experiment. Slower methods are run for 60 s, and start at
-        nominal values.
+        The methods in `METHODS` run on the paper's experiment. Slower methods run for 60 s, and
+        start at nominal values.
         """
         return self.filtered("nominal" if method in METHODS else "long", method)
 
@@ -189,8 +192,8 @@ class Evidence:
         mu : float
             Regularisation μ of eq. (12).
         prior : float
-            Relative standard deviation of the estimates that corresponds to the value of P after a
-            reset at the onset of the fault; 0 means no reset.
+            Relative standard deviation of the estimates to which P is reset at the onset of the
+            fault; 0 means no reset.
         """
         theta, P, nominal, start = [], [], self.theta, self.scenarios[group].start
         P0 = self.steady_P(method) if start == 1 else self.recipe(method)
@@ -232,7 +235,7 @@ class Evidence:
 
     @cached_property
     def physical(self) -> Identified:
-        """Off-line estimates of all parameters except r and k_T, which determines the scale."""
+        """Off-line estimates of all parameters except r and k_T."""
         return self.identified(self.axis.parameters[1:-1], 1.2)
 
 

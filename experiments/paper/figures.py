@@ -85,34 +85,34 @@ FIGURES: Mapping[str, tuple[Any, str, str]] = {
     "fig4": (
         fig4,
         "Figure 4. Bode diagrams: the axis, the identified physical model, an ARX model",
-        "Where the torque has no energy, the data do not determine the ARX model. The structure of "
-        "the physical model does determine its response there.",
+        "At frequencies at which the torque has no energy, the data do not determine the ARX "
+        "model. The physical model extrapolates to these frequencies because of its structure.",
     ),
     "fig5": (
         fig5,
         "Figure 5. |G_θ|² of the three parameters",
-        "How well a parameter can be estimated depends on the frequencies at which the torque has "
-        "its energy. 1/J_a affects the speed only around the first resonance.",
+        "The accuracy of an estimate depends on the frequencies at which the torque has energy. "
+        "1/J_a affects the speed only around the first resonance.",
     ),
     "fig6": (
         partial(estimates, "forgetting"),
         "Figure 6. Estimates with forgetting",
-        "Line: one run; band: 10–90 % of the runs.",
+        "The line is one run, and the band is the 10–90 % range of all runs.",
     ),
     "fig7": (
         partial(diagonal, "forgetting"),
         "Figure 7. Diagonal of P with forgetting, first run",
-        "Dotted: (1−λ) Q⁻¹, eq. (29).",
+        "The dotted lines are (1−λ) Q⁻¹ of eq. (29).",
     ),
     "fig8": (
         partial(estimates, "modification"),
         "Figure 8. Estimates with covariance modification",
-        "Line: one run; band: 10–90 % of the runs.",
+        "The line is one run, and the band is the 10–90 % range of all runs.",
     ),
     "fig9": (
         partial(diagonal, "modification"),
         "Figure 9. Diagonal of P with covariance modification, first run",
-        "Dotted: the solution of P Q P = Δ, eq. (30).",
+        "The dotted lines are the solution of P Q P = Δ, eq. (30).",
     ),
 }
 """Function, title and caption of each figure, keyed by the name of the figure's file."""

@@ -40,15 +40,15 @@ ORDERS = (10, 30, 40)
 SLOW = (3 * (1.2,), 3 * (2.4,))
 """Two designs: time constants of the three parameters, longer than those of the plant [s]."""
 MU = (0.1, 1.0, 10.0)
-"""Values of μ in eq. (12) with which P(0) is below the bound of P."""
+"""Values of μ in eq. (12) for which P(0) is below the bound of P."""
 WINDOW = 1000
-"""Number of samples that are evaluated after a fault or a standstill."""
+"""Number of samples to evaluate after a fault or a standstill."""
 LAST = 2000
 """Number of samples at the end of a run from which a standard deviation is computed."""
 
 
 def worst(ratios: ArrayLike) -> Array:
-    """Return the ratio farthest from 1 in each column (S, p); a ratio below 1 is inverted."""
+    """Return the ratio farthest from 1 in each column (S, p); ratios below 1 are inverted."""
     return np.exp(np.abs(np.log(ratios)).max(axis=0))
 
 
@@ -60,9 +60,9 @@ def decibels(response: Any) -> Any:
 def std(runs: Runs) -> Array:
     """Return the relative standard deviation of the estimates (p,).
 
-    The variance of all runs is computed at each time and averaged over the last 10 s. If the
-    variance were computed from the values of one run at different times, it would be too small for
-    slow estimates, such as that of k_T with Δ of eq. (32).
+    The variance across all runs is computed at each time, and averaged over the last 10 s. The
+    variance of one run over time would be too small for slow estimates, such as the estimate of k_T
+    with Δ of eq. (32).
     """
     return np.sqrt(np.var(runs.theta[:, -LAST:], axis=0, ddof=1).mean(axis=0))
 
@@ -77,10 +77,11 @@ class Measures(Evidence):
         return np.std(error) / np.std(record.true_speed)
 
     def samples_late(self) -> ByName:
-        """Return the delay of the effect of each parameter's step on the motor speed [samples].
+        """Return the delay between each parameter's step and its effect on the speed [samples].
 
-        The effect begins at the first sample at which the run differs from a run in which the step
-        occurs one sample later. If this is the first sample after the onset, the delay is 0.
+        The run is compared with a second run, in which the step occurs one sample later. The effect
+        begins at the first sample at which the two runs differ. If this sample is the first one
+        after the onset, the delay is 0.
         """
         result = {}
         for name in self.names:
@@ -161,10 +162,10 @@ class Measures(Evidence):
         return rms(self.offline_deviations().ravel())
 
     def near_starts(self) -> ByName:
-        """Return the largest relative difference of two off-line results.
+        """Return the largest relative difference between two off-line results.
 
-        The two searches start at 1.2 and at 1.5 times nominal. The second value is the number of
-        warnings of both results.
+        The searches start at 1.2 and 1.5 times nominal. The second value is the number of warnings
+        of both results.
         """
         near, other = self.offline[0], self.identified(self.names, 1.5)
         difference = np.abs(near.theta / other.theta - 1).max()
@@ -173,7 +174,7 @@ class Measures(Evidence):
     def far_starts(self) -> ByName:
         """Return the correlation of the residual for each start that is far from nominal.
 
-        The value is 0 if the result has no warning about a local minimum.
+        The value is 0 if the result does not warn of a local minimum.
         """
         runs = {f"{start:g}×": self.identified(self.names, start) for start in (0.5, 0.7, 2.0)}
         return {
@@ -181,16 +182,16 @@ class Measures(Evidence):
         }
 
     def free_scale(self) -> ByName:
-        """Return the condition number of an identification in which even the scale is free.
+        """Return the condition number of an identification with a free scale.
 
-        The second value is the number of parameters that are not mentioned in any warning.
+        The second value is the number of parameters that no warning mentions.
         """
         run = self.identified(self.axis.parameters[:-1], 1.0)  # all parameters except r, the last
         warned = " ".join(run.warnings)
         return {"condition": run.condition, "unnamed": sum(n not in warned for n in run.names)}
 
     def responses(self, omega: Array) -> dict[str, Any]:
-        """Return the frequency responses (M,) of the axis and the models in Fig. 4, by name."""
+        """Return the frequency responses (M,) of the axis and of the models in Fig. 4."""
         u, y = signals(self.records("long")[0])
         result = {f"ARX, order {n}": fit_arx(u, y, order=n, period=self.period).response(omega)
                  for n in ORDERS}  # fmt: skip
@@ -237,15 +238,15 @@ class Measures(Evidence):
         return self.mean_P("modification") / self.mean_P("slow modification")
 
     def recipe_over_mean(self) -> Array:
-        """Return P(0) of `recipe` (p,) divided by the mean of diag P, for the worse method."""
+        """Return P(0) of `recipe` (p,) divided by the mean of diag P, for the worst method."""
         return worst([self.recipe(method) / self.mean_P(method) for method in METHODS])
 
     def times_of_k_T(self) -> ByName:
-        """Return the settling time of k_T to 37 % of the initial error with each method [s]."""
+        """Return the time until the error of k_T is below 37 % of its initial value [s]."""
         return {method: self.times(method, 0.37)[0] for method in METHODS}
 
     def stds(self, name: str) -> ByName:
-        """Return the standard deviation of the estimate of `name` with each method [%]."""
+        """Return the standard deviation of the estimate of a parameter [%], keyed by method."""
         return {m: 100 * std(self.runs(m))[self.names.index(name)] for m in METHODS}
 
     def over_theory(self, method: str) -> Array:
@@ -277,7 +278,7 @@ class Measures(Evidence):
         return P.max() / P[:, 0].max()
 
     def bursts(self) -> ByName:
-        """Return the median of all runs' largest errors after a standstill [%], keyed by μ."""
+        """Return the median over all runs of the largest error after a standstill [%]."""
         restart, result = round(PAUSE[1] / self.period), {}
         for mu in (0.0, 1.0):
             theta = self.filtered("pause", "forgetting", mu=mu).theta[:, restart:][:, :WINDOW]
@@ -285,7 +286,7 @@ class Measures(Evidence):
         return result
 
     def steps(self, kind: str, method: Method, **options: float) -> Iterator[Array]:
-        """Yield, for each parameter, the errors (S, n) from the onset of its fault on.
+        """Yield the errors (S, n) of each parameter after the onset of its fault.
 
         The errors are divided by the size of the fault.
         """
@@ -308,22 +309,22 @@ class Measures(Evidence):
         return self.lags("forgetting", prior=prior) / self.lags("forgetting", prior=base)
 
     def prices(self) -> ByName:
-        """Return the largest ratio of a parameter's lag with μ = 1 to its lag with μ = 0.
+        """Return the lag with μ = 1 divided by the lag with μ = 0, keyed by method.
 
-        The ratios are keyed by method.
+        The result is the largest ratio of all parameters.
         """
         return {method: np.max(self.lags(method, mu=1.0) / self.lags(method)) for method in METHODS}
 
     def t63_over(self, *targets: float) -> Array:
         """Return the settling times after a small step (p,) divided by the desired time constants.
 
-        Δ is designed for the desired time constants `targets` [s]. The settling time ends when the
-        error is below 37 % of the step.
+        Δ is designed for the desired time constants `targets` [s]. The settling time is the time
+        until the error is below 37 % of the step.
         """
         return self.settled(self.steps("small ", targets), 0.37) / targets
 
     def slow_t63(self) -> Array:
-        """Return the ratios of `t63_over` (p,) farthest from 1, for the designs in `SLOW`."""
+        """Return the worst ratios of `t63_over` (p,) for the designs in `SLOW`."""
         return worst([self.t63_over(*targets) for targets in SLOW])
 
     def slow_std(self) -> Array:

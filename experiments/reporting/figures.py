@@ -46,7 +46,7 @@ class Series:
     estimator : str
         Name of the estimator, which determines the style.
     label : str
-        Text for the legend, if the text differs from the estimator's name.
+        Text for the legend (default: the estimator's name).
     role : {"", "truth", "bound", "data"}
         Role of a curve that does not belong to an estimator.
     kind : {"line", "steps", "points", "both"}
@@ -64,7 +64,7 @@ class Series:
 
 
 def new(height: float, count: int = 1) -> list[Any]:
-    """Make a figure of the height `height` [px] with `count` axes below each other; return them."""
+    """Return `count` axes below each other, in a new figure of the height `height` [px]."""
     figure = Figure(figsize=(430 / 96, height / 96))
     return list(figure.subplots(count, sharex=True, squeeze=False)[:, 0])
 
@@ -94,11 +94,11 @@ def curves(
     limits : mapping of str to (float, float)
         Limits of axes, keyed by the labels of the axes.
     marks : sequence of (float, str)
-        Vertical lines: the abscissa and the description of an event.
+        Vertical lines, each with the abscissa and the description of an event.
     spans : sequence of (float, float, str)
-        Shaded intervals: begin, end, and a text such as "burn-in".
+        Shaded intervals, each with begin, end, and a text such as "burn-in".
     axes : sequence of Axes, optional
-        Matplotlib axes for the panels, one for each panel (default: those of a new figure).
+        Matplotlib axes, one for each panel (default: axes of a new figure).
     looks : mapping of str to Style
         Styles of the estimators of a page, keyed by estimator. A page has its own legend; without
         `looks`, each panel has a legend.
@@ -125,7 +125,7 @@ def curves(
 
 
 def _usual(ax: Axes) -> tuple[float, float] | None:
-    """Return limits that include most of the values, so that a burst does not set the scale."""
+    """Return limits that include most of the values, so that outliers do not set the scale."""
     values = np.concatenate([line.get_ydata() for line in ax.get_lines()] or [[]])
     if len(values) < 100:
         return None
@@ -135,7 +135,7 @@ def _usual(ax: Axes) -> tuple[float, float] | None:
 
 
 def _draw(ax: Axes, one: Series, looks: Looks) -> None:
-    """Draw a series; a line without points gets about five markers, which are evenly spaced."""
+    """Draw a series; a line without points gets about five evenly spaced markers."""
     who, usual = one.estimator, look(one.estimator or "another", looks)
     own = usual | ROLES.get(one.role, {}) | ({"color": usual["color"]} if who else {})
     label, pointed = one.label or who or one.role, one.kind in ("points", "both")
@@ -223,18 +223,18 @@ def medians(
     traces: Mapping[str, Mapping[int, Any]], scenario: Scenario, name: str,
     window: tuple[float, float], *, banded: Sequence[str],
 ) -> list[Series]:  # fmt: skip
-    """Return the curves of the median estimates of some estimators, and the curve of the truth.
+    """Return curves of each estimator's median estimate, and a curve of the true value.
 
     Parameters
     ----------
     traces : mapping of str to mapping
-        Traces, keyed by estimator and then by seed.
+        Estimates over time, keyed by estimator and then by seed.
     scenario : Scenario
         Scenario of the runs.
     name : str
         Name of the estimated parameter.
     window : (float, float)
-        Begin and end of the time window that is drawn [s].
+        Begin and end of the time window to draw [s].
     banded : sequence of str
         Names of the estimators with a band from the 10 % to the 90 % quantile of the runs.
     """
@@ -352,7 +352,7 @@ def score_map(
     title, x, y : str
         Title and axis labels.
     limits : (float, float)
-        Limits of the colour scale; use the same limits for maps that are to be compared.
+        Limits of the colour scale; maps are comparable only if they have the same limits.
     """
     (ax,), (low, high) = new(90 + 60 * len(cells)), limits
     # the colour scale ends at 10 × high, so that all cells are light and black text is readable
@@ -379,13 +379,13 @@ def verdict_intervals(rows: Sequence[Mapping[str, Any]], *, axes: Axes | None = 
         Rows of a verdict, as in the output of `flexaxis compare --json`. Rows without an interval
         are left out.
     axes : Axes, optional
-        Matplotlib axes for the figure (default: those of a new figure).
+        Matplotlib axes for the figure (default: axes of a new figure).
     """
     shown = [row for row in rows if None not in (row["change"], *row["interval"])]
     ax, names = axes or new(60 + 24 * len(shown))[0], []
     for place, row in enumerate(shown):
         parts = np.array([row["change"], *row["interval"], row["margin"] or 0])
-        # A ratio can be zero or negative; then draw 0.01, because the scale is logarithmic.
+        # The logarithmic scale cannot show a ratio of 0 or below; such a ratio is drawn at 0.01.
         *ratios, margin = np.maximum(1 + parts / (row["scale"] or 1), 0.01)
         name = f"{row['metric']} of {row['parameter']}, {row['scenario']}: {row['verdict']}"
         tip = f"{name}, × {short(ratios[0])} ({between(ratios[1:])})"

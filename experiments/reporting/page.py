@@ -1,8 +1,8 @@
 """Make pages: single HTML files that contain their figures as SVG and need no network.
 
-All pages extend one template. The text of a figure can be selected. The colours are variables of
-the style sheet, which has a dark mode. The curves of each estimator have a CSS class, which the
-script of the page uses to hide them.
+All pages extend one template. Readers can select the text of a figure. The colours are variables of
+the style sheet, which has a dark mode. The curves of each estimator have a CSS class, with which
+the script of the page hides them.
 """
 
 import html
@@ -70,7 +70,7 @@ def drawn(draw: Callable[..., Figure], label: str, *args: Any, **options: Any) -
         Arguments of `draw`.
     """
     buffer, name = io.StringIO(), slug(label)
-    with mpl.rc_context(dict(SETTINGS) | {"svg.hashsalt": name}):  # makes the ids of the SVG unique
+    with mpl.rc_context(dict(SETTINGS) | {"svg.hashsalt": name}):  # unique ids
         figure = draw(*args, **options)
         figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None})
     text = buffer.getvalue()
@@ -84,7 +84,7 @@ def drawn(draw: Callable[..., Figure], label: str, *args: Any, **options: Any) -
 
 
 def _opened(group: re.Match[str]) -> str:
-    """Replace the id of an SVG group by a class and a title, which `styles.tag` has set."""
+    """Replace the id of an SVG group, which `styles.tag` has set, by a class and a title."""
     text = html.unescape(group[1] or group[2])
     estimator, tip = json.loads(text) if text.startswith("[") else ("", "")
     title = f"<title>{escape(tip)}</title>" if tip else ""
@@ -92,7 +92,7 @@ def _opened(group: re.Match[str]) -> str:
 
 
 def slug(text: str) -> str:
-    """Return an HTML id that is made from a text; different texts result in different ids."""
+    """Return an HTML id for a text; different texts have different ids."""
     plain = re.sub(r"\W+", "-", text).strip("-")
     return plain if plain == text else f"{plain}-{crc32(text.encode()):x}"
 

@@ -64,7 +64,7 @@ class Drawing:
         self.runs = runs.assign(over_bound=runs["lag"] / runs["lag_bound"])
 
     def board(self) -> dict[str, Any] | None:
-        """Return the content of the first screen, or None without results at equal noise."""
+        """Return the content of the first screen, or None without an equal-noise comparison."""
         swept = self.swept
         if not swept.get("matched"):
             return None
@@ -84,7 +84,7 @@ class Drawing:
     def over_time(
         self, scenario: Scenario, name: str, settings: dict[str, str], label: str = "default"
     ) -> list[Markup]:
-        """Return figures of the median estimates of a parameter as functions of time.
+        """Return figures of the median estimates of a parameter over time.
 
         If the scenario contains an event, the first figure shows the first second after the event.
         The last figure shows the whole run. The curves of the first estimator and of the reference
@@ -108,7 +108,7 @@ class Drawing:
         return drawn
 
     def defaults(self) -> Iterator[tuple[str, Markup]]:
-        """Yield a heading and a figure of the results of all scenarios at default settings."""
+        """Yield a heading and a figure for the results of all scenarios at default settings."""
         if (self.runs["lag_bound"] > 0).any():
             drawn = self.draw(figures.shares, "share of runs", self.runs)
             yield "Share of runs against the bound", drawn

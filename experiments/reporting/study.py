@@ -62,8 +62,8 @@ def numeric_axes(results: Results) -> list[str]:
 def pooled(results: Results, axes: Sequence[str], *by: str) -> pd.DataFrame:
     """Return the scores, pooled over the seeds and over all swept keys that are not in `axes`.
 
-    If none of `axes` is an option of an estimator, different settings of an estimator are not
-    pooled, and each setting counts as an estimator.
+    Each setting of an estimator counts as a separate estimator, unless one of `axes` is an option
+    of an estimator.
     """
     option = any(is_option(axis, results.study["estimators"]) for axis in axes)
     rows = tables.flat(results.pooled(*by, "estimator" if option else "setting", *axes))
@@ -84,7 +84,7 @@ def title(results: Results) -> str:
 
 
 def _changed(results: Results, axes: Sequence[str]) -> pd.DataFrame:
-    """Return the pooled scores of the parameters that change, if they have a lag."""
+    """Return the pooled scores of the parameters that change and have a lag."""
     rows = pooled(results, axes)
     return rows[rows["changed"].astype(bool) & rows["lag"].notna()]
 

@@ -1,9 +1,9 @@
 """The style of all figures: matplotlib settings, and nine styles with a colour, dash and marker.
 
-Any two of the nine colours differ by ΔE*76 ≥ 20, also for a deuteranope. Each colour has a contrast
-of at least 3 with the background (WCAG 2.1, 1.4.11), in the light and in the dark variant. The
-colours were chosen by a random search near named hues. If you change a colour, compute the colour
-differences and the contrast again.
+Any two of the nine colours differ by ΔE*76 ≥ 20, even for readers with deuteranopia. In the light
+and the dark variant, each colour has a contrast of at least 3 with the background (WCAG 2.1,
+1.4.11). The colours were chosen by a random search near named hues. If you change a colour, compute
+the colour differences and the contrast again.
 """
 
 import json
@@ -35,8 +35,8 @@ class Style:
     marker : str
         Marker code of matplotlib.
     hollow : bool
-        Whether only the outline of the marker is drawn, as for the tenth and later estimators of a
-        page.
+        Whether only the outline of the marker is drawn. The tenth and later estimators of a page
+        have hollow markers.
     """
 
     place: int
@@ -105,8 +105,8 @@ def look(estimator: str, looks: Mapping[str, Style]) -> dict[str, Any]:
     estimator : str
         Name of the estimator.
     looks : mapping of str to Style
-        Styles as `assigned` returns them. An estimator that is not in `looks` has the style that
-        `style` returns.
+        Styles as `assigned` returns them. The function `style` gives the style of any other
+        estimator.
     """
     own = looks.get(estimator) or style(estimator)
     # matplotlib multiplies the lengths by the line width of 1.5
@@ -156,7 +156,7 @@ def assigned(names: Iterable[str]) -> dict[str, Style]:
 
 
 def style(estimator: str) -> Style:
-    """Return the style of an estimator in a figure outside a page, which depends on its name."""
+    """Return the style of an estimator outside a page, which depends only on its name."""
     others = range(len(NINE), len(STYLES))
     return STYLES[_PLACES.get(_base(estimator), others[crc32(estimator.encode()) % len(others)])]
 

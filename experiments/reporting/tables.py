@@ -27,7 +27,7 @@ COLUMNS = {
 
 
 class Cell(NamedTuple):
-    """A cell of a table: text, value for sorting, small text below, and whether it has a star."""
+    """A cell of a table: text, value for sorting, small text below, and star for the best."""
 
     text: str
     value: Any = None

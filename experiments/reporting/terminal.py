@@ -18,15 +18,17 @@ from flexaxis.experiments.reporting.tables import Cell, Table, between, short
 
 NOTES = {REFERENCE: "the paper’s method", RECOMMENDED: "recommended", "frozen": "never moves"}
 LEGEND = (
-    "★ the fastest, or not significantly slower; below each lag: × bound, 95 % interval",
-    "lag: mean |error| after the fault / size of the fault × 5 s; 5 s = never reacts",
+    "★: fastest, or not significantly slower; below each lag: × bound, and 95 % interval",
+    "lag: mean |error| after the fault / size of the fault × 5 s (an estimator that never reacts "
+    "has 5 s)",
     "× bound: lag / Cramér–Rao bound of an estimator that knows when, but not what, changed",
-    f"≤: at most this value, because no setting is as noisy as {REFERENCE}; ≥: at least this value",
+    f"≤, ≥: the lag is at most or at least this value, because no setting is as noisy as "
+    f"{REFERENCE}",
 )
 
 
 def as_text(*tables: Table) -> str:
-    """Convert tables to text as wide as the terminal, or 200 columns wide for a file or pipe."""
+    """Convert tables to text that fits the terminal, or 200 columns for a file or a pipe."""
     # The log of a CI build is a file; all names fit into 200 columns.
     console = Console(width=None if sys.stdout.isatty() else 200)
     with console.capture() as capture:
@@ -62,7 +64,7 @@ def run_text(summary: Mapping[str, Any]) -> str:
 def equal_noise_table(swept: Mapping[str, Any]) -> Table:
     """Return the table of lags at equal noise: one row per estimator, one column per fault.
 
-    The last column contains the score for all faults.
+    The last column contains the score over all faults.
 
     Parameters
     ----------
@@ -90,7 +92,7 @@ def equal_noise_table(swept: Mapping[str, Any]) -> Table:
 def default_table(pooled: Sequence[Mapping[str, Any]]) -> Table:
     """Return the table of scores at default settings: one row per estimator and scenario.
 
-    The table contains only the parameters that change, or all parameters if none changes.
+    The table contains only the parameters that change, or all parameters if no parameter changes.
 
     Parameters
     ----------

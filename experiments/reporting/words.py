@@ -78,7 +78,7 @@ def happens(definition: Row) -> str:
 
 
 def order_of(summary: Row) -> list[str]:
-    """Return the estimators of a run in the order of rank; estimators without a rank come last."""
+    """Return the estimators of a run in the order of their rank; unranked estimators come last."""
     ranked = [row["estimator"] for row in (summary.get("tradeoff") or {}).get("overall", ())]
     return list(dict.fromkeys([*ranked, *summary["estimators"]]))
 
@@ -101,7 +101,7 @@ def answer(summary: Row) -> tuple[str, list[str]]:
         return f"{summary['title']}: {few}", []
     matched = faults_of(rows)
     if matched["lag"].isna().all():
-        return "Every run of every estimator was lost", []
+        return "Every run of every estimator diverged", []
     near = matched.groupby("estimator")["over_bound"].agg(between)
     takes = "The lag of {} is {} times the Cramér–Rao bound".format
     if len(near) == 1:
@@ -130,7 +130,7 @@ def _title(matched: pd.DataFrame, first: Sequence[str], where: str) -> str:
 def warning(rows: Sequence[Row], scenarios: Mapping[str, Row]) -> tuple[str, str] | None:
     """Return a sentence that warns of biased estimates, and the name of the scenario.
 
-    The warning is about the scenario in which the share of biased estimators is largest.
+    The warning concerns the scenario with the largest share of biased estimators.
 
     Parameters
     ----------
@@ -155,7 +155,7 @@ def warning(rows: Sequence[Row], scenarios: Mapping[str, Row]) -> tuple[str, str
     if not bad:
         return None
     every = len(good) < 3 <= len(bad)
-    who = f"every estimator{f' but {listed(good)}' * bool(good)}" if every else listed(bad)
+    who = f"every estimator{f' except {listed(good)}' * bool(good)}" if every else listed(bad)
     beside = unmodelled(definition)
     where = f"{beside} that the model lacks" if beside else happens(definition)
     bias = f"biased by {between(here.loc[here['bad'], 'off'])} % even before the fault"
@@ -194,7 +194,7 @@ AXES = {
     "forgetting": "forgetting factor λ",
     "drift": "size of the drift Δ",
 }
-"""Labels of swept keys; for a key that is not in this table, reports show the key itself."""
+"""Labels (with units) of swept keys."""
 
 
 def axis_words(key: str) -> str:
