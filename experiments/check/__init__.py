@@ -1,5 +1,5 @@
-"""The rules that an estimator must follow.
+"""Check an estimator against rules, and provide templates for new estimators.
 
-`check` contains one function per rule and checks an estimator against all rules. `template` copies
-one of the `templates`, which a user can change.
+The module `check` contains one function for each rule. The module `template` copies one of the
+`templates` to a new file, which a user can then change.
 """

@@ -1,9 +1,9 @@
 """Check an estimator against the rules that are necessary for valid scores.
 
-Each function checks one rule. The function constructs new estimators, runs them on a simulated
-record, and returns two values. The first value is True if the estimator follows the rule, False if
-the estimator breaks the rule, and None if the rule does not apply. The second value is a text that
-describes the observation.
+For each rule, a function constructs new estimators, runs them on a simulated record, and returns
+two values. The first value is True if the estimator follows the rule, False if the estimator breaks
+the rule, and None if the rule does not apply. The second value is a text that describes the
+observation.
 """
 
 import time
@@ -32,9 +32,9 @@ DURATION = 12.0  # duration of the record [s], 2400 samples; the fault occurs at
 BEFORE_FAULT = slice(1000, 2000)
 GAP = slice(1200, 1300)
 CUTS = (700, 1400, 2100)
-FAR = 0.25  # largest allowed error, relative to nominal; larger than most faults
-MOVES = 1e-9  # an estimator is frozen if its estimates change by less than this (relative)
-SLACK = 1e-9  # tolerance for rounding errors of a correlation matrix: asymmetry, eigenvalues < 0
+FAR = 0.25  # largest allowed error relative to nominal, which is larger than most faults
+MOVES = 1e-9  # an estimator is frozen if its estimates change by less than this relative value
+SLACK = 1e-9  # tolerance for asymmetry and negative eigenvalues due to rounding errors
 
 
 class Subject:
@@ -53,7 +53,7 @@ class Subject:
         return build(self.spec, self.scenario)
 
     def run(self, u: Array, y: Array) -> Array:
-        """Return the estimates (N, p) of a new estimator, which receives copies of u and y."""
+        """Return the estimates (N, p) of a new estimator that receives copies of u and y."""
         return run_estimator(self.make(), u.copy(), y.copy())
 
     @cached_property
@@ -63,12 +63,12 @@ class Subject:
 
     @cached_property
     def nominal(self) -> Array:
-        """Magnitudes (p,) of the parameters, which are those of the first estimates."""
+        """Magnitudes (p,) of the first estimates, to which differences are related."""
         sizes = np.abs(self.theta[0])
         return np.where(np.isfinite(sizes) & (sizes > 0), sizes, 1.0)
 
     def gaps(self, one: Array, other: Array) -> Array:
-        """Return the largest difference (N,) of two runs' estimates (N, p) at each sample.
+        """Return the largest difference (N,) between two runs' estimates (N, p) at each sample.
 
         The differences are relative to `nominal`.
         """
@@ -78,13 +78,14 @@ class Subject:
         return np.asarray(np.where(same, 0.0, gap).max(axis=1))
 
     def apart(self, one: Array, other: Array) -> float:
-        """Return the largest difference of two runs' estimates at all samples, as in `gaps`."""
+        """Return the largest difference between two runs' estimates over all samples (`gaps`)."""
         return float(self.gaps(one, other).max(initial=0.0))
 
     def error(self, theta: Array) -> float:
-        """Return the relative rms error before the fault of the parameters with known true values.
+        """Return the relative rms error of the estimates before the fault.
 
-        The error is infinite if an estimate is not finite.
+        The error includes only parameters with known true values. The error is infinite if an
+        estimate is not finite.
         """
         with np.errstate(invalid="ignore", over="ignore"):
             errors = (theta[:, self.known] - self.truth) / self.truth[0]
@@ -93,7 +94,7 @@ class Subject:
 
 
 def step(estimator: Estimator, u: Array, y: Array, gap: slice = slice(0)) -> Array:
-    """Return the estimates (N, p) from N calls of `step`; y is None for the samples in `gap`."""
+    """Return the estimates (N, p) from N calls of `step`, with y = None for samples in `gap`."""
     values: list[float | None] = y.tolist()
     values[gap] = [None] * len(values[gap])
     pairs = zip(u.tolist(), values, strict=True)
@@ -104,13 +105,13 @@ Seen = tuple[bool | None, str]
 
 
 def shapes(subject: Subject) -> Seen:
-    """Check the shape of the array of estimates that `run` or `step` returns."""
+    """Check the shape of the estimates that `run` or `step` returns."""
     shape, expected = subject.theta.shape, (len(subject.u), len(subject.names))
     return shape == expected, f"{shape} for {len(subject.u)} samples of {', '.join(subject.names)}"
 
 
 def finite(subject: Subject) -> Seen:
-    """Check that all estimates are finite, with and without a spike in one sample of y."""
+    """Check that all estimates are finite, both with and without a spike in one sample of y."""
     spiked = subject.y.copy()
     spiked[GAP.start] += 20 * spiked.std()
     for y, where in ((subject.y, "the record"), (spiked, "a spike of 20 standard deviations")):
@@ -120,13 +121,13 @@ def finite(subject: Subject) -> Seen:
 
 
 def deterministic(subject: Subject) -> Seen:
-    """Check that two runs on the same record result in the same estimates."""
+    """Check that two runs on the same record give the same estimates."""
     apart = subject.apart(subject.run(subject.u, subject.y), subject.theta)
     return apart == 0, f"two runs differ by {apart:.2g} of nominal"
 
 
 def step_equals_run(subject: Subject) -> Seen:
-    """Check that `step` alone, and `step` followed by `run`, agree with `run` alone."""
+    """Check that `run` gives the same estimates as `step`, and as `step` followed by `run`."""
     mixed, half = subject.make(), len(subject.u) // 2
     if not hasattr(mixed, "run"):
         return None, "the estimator has no run"
@@ -157,7 +158,7 @@ def no_look_ahead(subject: Subject) -> Seen:
 
 
 def keeps_no_reference(subject: Subject) -> Seen:
-    """Check that the estimator does not keep or change its inputs, or change its past outputs."""
+    """Check that the estimator keeps no reference to inputs, and changes no inputs or outputs."""
     u, y, half = subject.u.copy(), subject.y.copy(), len(subject.u) // 2
     reused, kept = subject.make(), subject.make()
     run_estimator(reused, u[:half], y[:half])
@@ -179,7 +180,7 @@ def keeps_no_reference(subject: Subject) -> Seen:
 
 
 def reset(subject: Subject) -> Seen:
-    """Check that a run after `reset` results in the same estimates as the first run."""
+    """Check that a run after `reset` gives the same estimates as the first run."""
     estimator = subject.make()
     if not hasattr(estimator, "reset"):
         return None, "the estimator has no reset"
@@ -190,7 +191,7 @@ def reset(subject: Subject) -> Seen:
 
 
 def survives_a_gap(subject: Subject) -> Seen:
-    """Check that estimates remain finite and nearly constant if y is missing for 100 samples."""
+    """Check that estimates stay finite and nearly constant if y is missing for 100 samples."""
     theta = step(subject.make(), subject.u, subject.y, GAP)
     if not np.isfinite(theta).all():
         return False, "estimates are not finite after the gap"
@@ -282,10 +283,10 @@ RULES: dict[Callable[[Subject], Seen], tuple[str, str]] = {
     a_shift_of_u_hurts: (
         "u[k] acts after y[k], and a shift by one sample silently ruins the estimates",
         "in step(u, y), predict y with the u of the previous step, then store the new u; if the "
-        "error is large for every shift, check model, units and the order of names first",
+        "error is large for every shift, first check the model, the units and the order of names",
     ),
 }
-"""Reason for each rule, and a hint on how to follow the rule."""
+"""Reason for each rule, and hint on how to follow the rule."""
 
 
 @dataclass(frozen=True)
@@ -320,12 +321,12 @@ def check(spec: Spec, *, store: RecordCache | None = None) -> list[RuleResult]:
 
 
 def _subject(spec: Spec, store: RecordCache | None) -> Subject:
-    # the estimator may use the speed, the angle of an encoder or its increments
+    # the estimator may use the speed, the angle of an encoder, or the increments of this angle
     for name, output in (("fm_step-v1", "speed"), (ENCODER, "angle"), (ENCODER, "increment")):
         changes = {"name": "check", "duration": DURATION, "output": output}
         scenario = find_scenario(name).override(changes)
         with suppress(EstimatorError):
             build(spec, scenario)
             break
-    # if `build` failed for all of them, `Subject` raises the error again
+    # if `build` failed for all outputs, `Subject` raises the error again
     return Subject(spec, scenario, records(scenario, [0], store)[0])

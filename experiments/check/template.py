@@ -1,4 +1,4 @@
-"""Write the template of a new estimator, and list the commands with which to continue."""
+"""Write a template for a new estimator, and list the commands to run next."""
 
 from importlib.resources import files
 from pathlib import Path
@@ -11,11 +11,11 @@ TEMPLATES = {
     ".c": ("my_estimator.c", "flexaxis.h"),
     ".m": ("my_estimator.m",),
 }
-"""Files of each template, keyed by suffix; the first file is written under the requested name."""
+"""Files of each template, keyed by suffix; the first file gets the requested name."""
 
 
 def new(path: Path) -> list[str]:
-    """Write a template that works as an estimator, and return the commands to run next.
+    """Write a template of a working estimator, and return the commands to run next.
 
     Parameters
     ----------
@@ -30,8 +30,8 @@ def new(path: Path) -> list[str]:
     """
     if path.suffix not in TEMPLATES or not path.stem.isidentifier():
         raise FlexaxisError(
-            f"{path}: give a name that Python can import, such as my_estimator.py, or the name of "
-            "a file in C or Octave, such as my_estimator.c or my_estimator.m"
+            f"{path}: give a file name that Python can import, such as my_estimator.py, or the "
+            "name of a C or Octave file, such as my_estimator.c or my_estimator.m"
         )
     if path.exists():
         raise FlexaxisError(f"{path} exists already; give another name")

@@ -1,6 +1,7 @@
-"""Compare estimators at equal noise, and for a range of settings of their tuning parameters.
+"""Compare estimators at equal noise and at several settings of their tuning parameters.
 
-`sweep` runs estimators at several settings of their tuning parameters and uses `matching` to
-interpolate the lags to equal noise. `tune` finds the setting at which an estimator is as noisy as
-the reference, and `ranking` finds the best estimator and those that are not significantly worse.
+The module `sweep` runs estimators at several settings of their tuning parameters. The module
+`matching` interpolates the lags to equal noise. The module `tune` finds the setting at which an
+estimator is as noisy as the reference. The module `ranking` finds the best estimator, and all
+estimators that are not significantly worse.
 """

@@ -1,8 +1,8 @@
-"""Estimators at equal noise: interpolate the lag between two settings of a tuning parameter.
+"""Compare estimators at equal noise by interpolation between two settings of a tuning parameter.
 
 One of the two settings is quieter than a reference, and the other is noisier. The logarithm of the
 lag is interpolated linearly as a function of the logarithm of the noise. If all settings are
-noisier than the reference (or all are quieter), the lag at the nearest setting is a one-sided bound
+noisier than the reference, or all are quieter, the lag at the nearest setting is a one-sided bound
 on the lag at equal noise.
 """
 
@@ -26,26 +26,26 @@ from flexaxis.sim.scenario import Scenario
 Array = NDArray[np.float64]
 Noise = Literal["std", "excess"]
 SPREADS = {"std": ("bias", "lost_before"), "std_after": ("bias_after", "lost_after")}
-"""Two further scores for each standard deviation: the mean error over the same samples, and whether
-the run diverged before the end of these samples."""
+"""Two scores for each standard deviation: the mean error over the same samples, and whether the run
+diverged before the end of these samples."""
 
 
 @dataclass(frozen=True, eq=False)
 class Setting:
-    """One estimator at one setting of its tuning parameter, on one scenario, for one parameter.
+    """Scores of an estimator at one setting of its tuning parameter, for one fault.
 
     Attributes
     ----------
     text : str
-        Estimator as for `--estimator`.
+        Estimator, written as for the option `--estimator`.
     factor : float
-        Position of the tuning parameter relative to its default.
+        Position of the tuning parameter, divided by its default position.
     rows : DataFrame
         Scores, with one row per seed, sorted by seed. All settings have the same seeds.
     biases : ndarray (n, p)
-        Biases of the parameters of the scenario's `identify` [% of nominal].
+        Biases of the parameters that the scenario identifies [% of nominal].
     information : ndarray (p, p) or None
-        Matrix from `flexaxis.experiments.scoring.excess.information`, for the excess error.
+        Matrix M of the excess error, from `flexaxis.experiments.scoring.excess.information`.
     """
 
     text: str
@@ -58,21 +58,21 @@ class Setting:
     def of(
         text: str, factor: float, frame: pd.DataFrame, parameter: str, scenario: Scenario
     ) -> Setting:
-        """Return a setting, given the rows of its runs with one row per seed and parameter."""
+        """Return a setting from the rows of its runs, one row per seed and parameter."""
         wide = frame.pivot(index="seed", columns="parameter", values="bias")
         biases = wide.reindex(columns=list(scenario.identify)).fillna(0.0).to_numpy(float)
         rows = frame[frame["parameter"] == parameter].sort_values("seed")
         return Setting(text, factor, rows, biases, information(scenario))
 
     def array(self, name: str, runs: Any = slice(None)) -> Array:
-        """Return a score for each run (n,), with NaN where the score is undefined."""
+        """Return the values (n,) of a score, one per run; undefined values are NaN."""
         return self.rows[name].to_numpy(float)[runs]
 
     def log(self, name: str, runs: Any = slice(None)) -> float:
         """Return the logarithm of a pooled score, or NaN if the score is undefined in any run.
 
-        For the excess error, the result is the logarithm of the square root. A `score` is already
-        logarithmic, so the result is its mean.
+        For the excess error, the result is the logarithm of the square root. The score `score` is
+        already logarithmic, so the result is the mean of this score.
         """
         each = self.array(name, runs)
         if name == "score" or np.isnan(each).any():
@@ -87,7 +87,7 @@ class Setting:
         return float(np.log(np.maximum(each, FLOOR)).mean())
 
     def at(self, name: str) -> Array | None:
-        """Return jackknife values (n,) of the log of a score; None if any run lacks the score."""
+        """Return jackknife values (n,) of the log of a score, or None if a run has no score."""
         if np.isnan(self.array(name)).any():
             return None
         return pseudo_values(lambda runs: self.log(name, runs), len(self.rows))
@@ -95,15 +95,15 @@ class Setting:
 
 @dataclass(frozen=True, eq=False)
 class Match:
-    """An estimator at the noise of the reference.
+    """An estimator at the same noise as the reference.
 
     Attributes
     ----------
     how : {"matched", "quieter", "noisier"}
-        "matched" if the noise of the reference lies between the noise of two settings; "quieter" or
+        "matched" if the noise of the reference is between the noise of two settings. "quieter" or
         "noisier" if the noise of all settings is below or above the noise of the reference.
     sides : tuple of Setting
-        The two settings between which the match lies, or the nearest setting.
+        The two settings on both sides of the match, or the nearest setting.
     reference : Setting
         Setting of the reference.
     kind : {"std", "excess"}
@@ -116,26 +116,26 @@ class Match:
     kind: Noise
 
     def apart(self, side: Setting, runs: Any = slice(None)) -> float:
-        """Return the log of the ratio of a setting's noise to the reference's noise."""
+        """Return the logarithm of a setting's noise, divided by the noise of the reference."""
         return side.log(self.kind, runs) - self.reference.log(self.kind, runs)
 
     @property
     def nearest(self) -> Setting:
-        """The setting at which the noise is closest to the noise of the reference."""
+        """The setting whose noise is closest to the noise of the reference."""
         return min(self.sides, key=lambda side: abs(self.apart(side)))
 
     @property
     def ratio(self) -> float:
-        """Ratio of the noise to the noise of the reference; 1 if matched."""
+        """Noise of the estimator, divided by the noise of the reference; 1 if matched."""
         return 1.0 if self.how == MATCHED else float(np.exp(self.apart(self.nearest)))
 
     def at(self, name: str) -> Array | None:
-        """Return jackknife values (n,) of the log of a score at the match, one per seed.
+        """Return jackknife values (n,) of the logarithm of a score at the match, one per seed.
 
-        The mean of the values is the estimate, and the values of two estimators are paired by seed.
-        The position of the match between the two settings is estimated from the same runs, and the
-        jackknife includes the uncertainty of this position. The result is None if the score is
-        undefined in any run.
+        The mean of the values is the estimate. The values of two estimators are paired by seed. The
+        same runs determine the position of the match between the two settings, and the jackknife
+        includes the uncertainty of this position. The result is None if the score is undefined in
+        any run.
         """
 
         def statistic(runs: Any) -> float:
@@ -152,7 +152,7 @@ class Match:
 
 
 def match(reference: Setting, settings: Sequence[Setting], noise: Noise) -> Match | None:
-    """Return an estimator at the noise of a reference.
+    """Match the noise of an estimator to the noise of a reference.
 
     Parameters
     ----------
@@ -161,7 +161,7 @@ def match(reference: Setting, settings: Sequence[Setting], noise: Noise) -> Matc
     settings : sequence of Setting
         Settings of one estimator.
     noise : {"std", "excess"}
-        Measure of the noise that is matched.
+        Measure of the noise.
 
     Returns
     -------
@@ -179,7 +179,7 @@ def match(reference: Setting, settings: Sequence[Setting], noise: Noise) -> Matc
         for k, (one, other) in enumerate(pairwise(logs))
         if min(one, other) > none and (one - target) * (other - target) <= 0
     ]
-    if crossings:  # take the crossing nearest to the default: choosing the best lag is biased
+    if crossings:  # choose the one nearest to the default, because the best lag would be biased
         return min(crossings, key=lambda m: abs(np.log(m.nearest.factor)))
     best = int(np.argmin(abs(logs - target)))
     how = MATCHED if logs[best] == target else QUIETER if logs[best] < target else NOISIER

@@ -1,4 +1,4 @@
-"""Rank estimators on paired runs: find the best for each fault, and those not clearly worse."""
+"""Rank estimators on paired runs: find the best ones for each fault."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
@@ -14,35 +14,35 @@ REFERENCE = "rpem-forgetting"
 MATCHED, QUIETER, NOISIER = "matched", "quieter", "noisier"
 CONTROLS = ("frozen", "oracle-reset")  # baselines, which are not ranked
 AT_MOST = {QUIETER: "≤ ", NOISIER: "≥ "}
-"""Sign before a lag if the noise is not matched; `AT_LEAST` contains the signs before a score."""
+"""Signs before a lag if the noise is not matched; `AT_LEAST` contains the signs before a score."""
 AT_LEAST = {QUIETER: "≥ ", NOISIER: "≤ ", "mixed": "about "}
-LEVEL = 0.05  # probability that any of several equally good estimators is ranked as worse
+LEVEL = 0.05  # probability that at least one of several equally good estimators is ranked as worse
 
 
 Scores = Sequence[float | None]
-"""A score for each seed; None where the score is undefined, as after a failed run."""
+"""Values of a score, one per seed; None if the score is undefined, as after a failed run."""
 
 
 def leaders(values: Mapping[str, Scores], *, most: bool = False) -> list[str]:
     """Return the best estimator and all estimators that are not significantly worse.
 
-    Estimators are compared in pairs on their common seeds. The best estimator is the one to which
-    the fewest others are superior on average. The same seeds are used to choose the best estimator
-    and to test the others, so the level is divided as if all k(k−1)/2 pairs were tested (Bonferroni
-    for the choice of the best, Holm for the tests).
+    The function compares pairs of estimators on their common seeds. The best estimator is the one
+    with the fewest estimators that are better on average. The same seeds determine the best
+    estimator and test the others. Therefore the level is divided as if all k(k−1)/2 pairs were
+    tested (Bonferroni for the choice of the best estimator, Holm for the tests).
 
     Parameters
     ----------
     values : mapping of str to sequence of float or None (n,)
-        Values of a score for each seed, keyed by estimator. Smaller values are better by default.
+        Values of a score, one per seed, keyed by estimator. By default, smaller values are better.
     most : bool
         Whether larger values are better.
 
     Returns
     -------
     list of str
-        Names of the estimators with the best first; empty if no estimator has values for the five
-        seeds that a ranking needs.
+        Names of the estimators, the best first. The list is empty if no estimator has values for
+        five seeds, which a ranking needs.
     """
     scores = {name: (-1) ** most * np.array(each, float) for name, each in values.items()}
     seeds = {name: np.sum(~np.isnan(each)) for name, each in scores.items()}
@@ -61,7 +61,7 @@ def leaders(values: Mapping[str, Scores], *, most: bool = False) -> list[str]:
 
 
 def by_fault(rows: Iterable[Row]) -> dict[tuple[str, str], list[Row]]:
-    """Group rows by fault, that is by scenario and parameter."""
+    """Group rows by fault, that is, by scenario and parameter."""
     faults: dict[tuple[str, str], list[Row]] = {}
     for row in rows:
         faults.setdefault((row["scenario"], row["parameter"]), []).append(row)
@@ -69,12 +69,12 @@ def by_fault(rows: Iterable[Row]) -> dict[tuple[str, str], list[Row]]:
 
 
 def mark(rows: Iterable[Row]) -> list[dict[str, Any]]:
-    """Add `leads` to each row: true if the estimator is among the best for the fault of the row.
+    """Add the key `leads` to each row, which is true if the estimator is among the best.
 
-    The rows come from a sweep, or (without `how`) from runs of each estimator at one setting.
-    Baselines are not ranked, nor are estimators that are noisier than the reference at every
-    setting. An estimator that is quieter at every setting is ranked only if its lag is shorter than
-    the lags of all estimators at equal noise.
+    The rows come from a sweep, or from runs of each estimator at one setting (rows without `how`).
+    Baselines are not ranked. An estimator that is noisier than the reference at every setting is
+    not ranked either. An estimator that is quieter at every setting is ranked only if its lag is
+    shorter than the lags of all estimators at equal noise.
     """
     rows = list(rows)
     ahead = {
@@ -88,14 +88,15 @@ def mark(rows: Iterable[Row]) -> list[dict[str, Any]]:
 
 
 def compete(rows: Sequence[Row], score: str = "lag") -> list[Row]:
-    """Return the rows to rank: estimators at equal noise, and better estimators with less noise.
+    """Return the rows of estimators at equal noise, and of better estimators with less noise.
 
     Parameters
     ----------
     rows : sequence of mapping
-        Rows with ``estimator, how``, the score, and ``values``, the score for each seed.
+        Rows with the keys ``estimator``, ``how``, the name of the score, and ``values`` (the values
+        of each score, one per seed).
     score : {"lag", "score"}
-        Score that is ranked; a short lag or a high score is better.
+        Score for the ranking. A shorter lag or a higher score is better.
     """
     sign = 1 if score == "lag" else -1
     able = [r for r in rows if r["estimator"] not in CONTROLS and r["values"].get(score)]
@@ -115,11 +116,11 @@ def overall(rows: Sequence[Row]) -> list[dict[str, Any]]:
     Returns
     -------
     list of dict
-        Dicts with ``estimator, score, score_interval, how, faults, leads`` and ``values``, the best
-        first. The mean is over all faults that have a bound; a missing score counts as 0. ``how``
-        is "quieter" if all settings are quieter than the reference for some faults (the score is
-        then a lower limit), "noisier" if all settings are noisier for some faults (an upper limit),
-        and "mixed" if both occur.
+        Dicts with the keys ``estimator, score, score_interval, how, faults, leads, values``, the
+        best estimator first. The mean is over all faults that have a bound. A missing score counts
+        as 0. ``how`` is "quieter" if, for some faults, all settings are quieter than the reference;
+        the score is then a lower limit. ``how`` is "noisier" if, for some faults, all settings are
+        noisier; the score is then an upper limit. ``how`` is "mixed" if both cases occur.
     """
     faults = list(by_fault(row for row in rows if row["bound"]))
     seeds = max((len(row["values"].get("score") or ()) for row in rows), default=0)
@@ -147,7 +148,7 @@ def overall(rows: Sequence[Row]) -> list[dict[str, Any]]:
 
 
 def too_few(rows: Iterable[Row]) -> str:
-    """Return a message if there are fewer seeds than a ranking needs.
+    """Return a message if there are too few seeds for a ranking.
 
     The message is empty if there are enough seeds, or if no row has a lag.
     """
@@ -158,13 +159,13 @@ def too_few(rows: Iterable[Row]) -> str:
 
 
 def faults_of(rows: Sequence[Row]) -> pd.DataFrame:
-    """Return rows of a sweep as a DataFrame with a column `fault` (scenario and parameter)."""
+    """Return the rows of a sweep as a DataFrame with a column `fault` (scenario and parameter)."""
     table = pd.DataFrame(rows, columns=None if rows else ["scenario", "parameter", "lag"])
     return table.assign(fault=table["scenario"] + ": " + table["parameter"],
                         lag=table["lag"].astype(float))  # fmt: skip
 
 
 def widest(matched: pd.DataFrame) -> str:
-    """Return the fault for which the lags at equal noise differ most between estimators."""
+    """Return the fault with the largest ratio between the lags of estimators at equal noise."""
     lags = matched.groupby("fault")["lag"].agg(["max", "min"])
     return str((lags["max"] / lags["min"]).fillna(0).idxmax())

@@ -1,10 +1,10 @@
 """Run estimators at several settings of their tuning parameters, and compare them at equal noise.
 
-Estimators cannot be ranked at a single setting each, because an estimator that forgets faster
-reacts faster but is noisier. Therefore, each estimator runs at several settings, and `matching`
-interpolates its lag to the noise of a reference. For a single fault, the noise is the standard
-deviation of the parameter that changes; for all faults together, the noise is the excess prediction
-error, which has no unit. The code calls a tuning parameter a knob.
+A single setting of each estimator is not enough for a ranking, because an estimator that forgets
+faster reacts faster but is noisier. Therefore each estimator runs at several settings, and the
+module `matching` interpolates the lag to the noise of a reference. For a single fault, the noise is
+the standard deviation of the parameter that changes. For all faults together, the noise is the
+excess prediction error, which has no unit. The code calls a tuning parameter a knob.
 """
 
 import inspect
@@ -35,10 +35,10 @@ from flexaxis.sim.scenario import Scenario
 
 Array = NDArray[np.float64]
 Run = Callable[[Sequence[Scenario], Sequence[str], Sequence[int]], pd.DataFrame]
-"""Function ``run(scenarios, estimators, seeds)`` that returns rows like `Runner.rows`."""
+"""Function ``run(scenarios, estimators, seeds)`` that returns rows as `Runner.rows` does."""
 
-FACTORS = (0.25, 0.5, 1.0, 2.0, 4.0)  # settings relative to the default; a larger one reacts faster
-WIDER = (16.0, 64.0, 256.0, 1024.0)  # further settings (or their inverses), if necessary
+FACTORS = (0.25, 0.5, 1.0, 2.0, 4.0)  # settings relative to the default; larger means faster
+WIDER = (16.0, 64.0, 256.0, 1024.0)  # additional settings (or their inverses), if necessary
 TURNS = (*FACTORS, *WIDER, *(1 / factor for factor in WIDER))
 """All settings that a sweep may run, relative to the default."""
 
@@ -47,16 +47,16 @@ NOISES: tuple[Noise, ...] = ("std", "excess")
 
 Line = dict[str, float]  # ratio to the default for each setting of an estimator
 Turn = Callable[[float], str | None]
-"""Function from a factor to the estimator's text, or to None outside the knob's range."""
+"""Function that returns an estimator's text for a factor, or None outside the knob's range."""
 
 
 def knob_of(name: str) -> Knob | None:
-    """Return the knob of an estimator; None without a knob, or if `name` already contains options.
+    """Return the knob of an estimator, or None if there is no knob or `name` contains options.
 
     Raises
     ------
     EstimatorError
-        If there is no such estimator, or its class declares an invalid knob.
+        If the estimator does not exist, or if its class declares an invalid knob.
     """
     spec = parse(name)
     if spec.options:
@@ -76,8 +76,8 @@ def knob_of(name: str) -> Knob | None:
 def with_knob(name: str, factor: float) -> str | None:
     """Return the text of an estimator at another setting of its knob.
 
-    If the estimator has no knob, or if its text already contains options, the text is returned
-    unchanged. The result is None if the setting is outside the range of the knob.
+    If the estimator has no knob, or if its text already contains options, the result is the
+    unchanged text. The result is None if the setting is outside the range of the knob.
 
     Examples
     --------
@@ -92,9 +92,9 @@ def with_knob(name: str, factor: float) -> str | None:
 
 
 def settings(estimators: Sequence[str], *, factors: Sequence[float] = FACTORS) -> dict[str, Line]:
-    """Return the settings of each estimator for a first sweep.
+    """Return the settings of each estimator for the first part of a sweep.
 
-    An estimator without a knob has a single setting. Two estimators can share a setting.
+    An estimator without a knob has a single setting. Two estimators can have a common setting.
     """
     lines: dict[str, Line] = {}
     for name in estimators:
@@ -104,25 +104,25 @@ def settings(estimators: Sequence[str], *, factors: Sequence[float] = FACTORS) -
 
 
 def texts(lines: Mapping[str, Line]) -> list[str]:
-    """Return the reference and all settings of a first sweep, without duplicates."""
+    """Return the texts of the reference and of all settings, without duplicates."""
     return list(dict.fromkeys([reference(), *(text for line in lines.values() for text in line)]))
 
 
 def reference() -> str:
-    """Return the setting of the reference estimator, which defines the noise for comparisons."""
+    """Return the text of the reference estimator, which defines the noise for comparisons."""
     return str(with_knob(REFERENCE, 1.0))
 
 
 @dataclass(frozen=True)
 class Runs:
-    """Cache of rows for fixed seeds, keyed by scenario and setting; each setting is run once."""
+    """Cache of rows for fixed seeds, keyed by scenario and setting; no setting runs twice."""
 
     run: Run
     seeds: Sequence[int]
     known: dict[tuple[str, str], pd.DataFrame] = field(default_factory=dict, repr=False)
 
     def of(self, scenario: Scenario, text: str) -> pd.DataFrame:
-        """Return the rows of a setting, one per seed and parameter; a failed case is an error."""
+        """Return the rows of a setting, one per seed and parameter; raise an error on a failure."""
         key = scenario.hash, text
         if key not in self.known:
             frame = self.run([scenario], [text], self.seeds)
@@ -131,7 +131,7 @@ class Runs:
         return self.known[key]
 
     def changed(self, scenario: Scenario, text: str) -> list[str]:
-        """Return the parameters that change and that the estimator estimates."""
+        """Return the names of the estimated parameters that change in a scenario."""
         frame = self.of(scenario, text)
         return list(frame.loc[frame["changed"].astype(bool), "parameter"].unique())
 
@@ -146,11 +146,11 @@ class Runs:
         self, scenario: Scenario, base: str, line: Line, turn: Turn, further: Sequence[float], *,
         pairs: Iterable[tuple[str, Noise]], whole: bool = False,
     ) -> dict[tuple[str, Noise], Match | None]:  # fmt: skip
-        """Return matches of an estimator's noise to a base, keyed by parameter and kind of noise.
+        """Match an estimator's noise to a base, for each parameter and each measure of noise.
 
-        If all settings are quieter than the base, or all are noisier, settings further from the
-        default are run and added to `line`. If `whole`, each seed on which the run of any setting
-        diverged is left out.
+        If all settings are quieter than the base, or all are noisier, the method runs settings
+        further from the default and adds them to `line`. If `whole` is true, the method ignores
+        each seed on which a run of any setting diverged.
         """
         matches: dict[tuple[str, Noise], Match | None] = dict.fromkeys(pairs)
         for factor in (1.0, *further):
@@ -176,19 +176,20 @@ class Runs:
 
 @dataclass(frozen=True)
 class Sweep:
-    """The results of a sweep over tuning parameters; all values can be written as JSON.
+    """The results of a sweep over tuning parameters, with values that JSON can represent.
 
     Attributes
     ----------
     points : list of dict
-        One dict for each fault, estimator and setting: ``scenario, parameter, estimator, setting,
-        factor``, the pooled ``lag, lag_interval, t10, std, std_interval, std_after, excess,
-        diverged, seeds``, and ``lag_bound`` and ``lag_bound_single``.
+        One dict for each fault, estimator and setting. The keys are ``scenario, parameter,
+        estimator, setting, factor``, the pooled scores ``lag, lag_interval, t10, std, std_interval,
+        std_after, excess, diverged, seeds``, and the bounds ``lag_bound`` and ``lag_bound_single``.
     matched : list of dict
-        One dict for each fault and estimator, with results at the setting for which the changing
-        parameter has the same std as with the reference: ``how`` (see `Match`), ``nearest, ratio,
-        lag, lag_interval, bound, over_bound, score, std_after, false_alarms_per_1000_s, leads``,
-        and ``values``, the logarithm of the lag and the score for each seed.
+        One dict for each fault and estimator, at the setting where the std of the changing
+        parameter equals the std of the reference. The keys are ``scenario, parameter, estimator,
+        how, nearest, ratio, lag, lag_interval, bound, over_bound, score, std_after,
+        false_alarms_per_1000_s, leads`` and ``values``. The class `Match` explains ``how``.
+        ``values`` contains the logarithm of the lag and the score, one value per seed.
     at_excess : list of dict
         Same as `matched`, but at the excess error of the reference, and without ``leads``.
     """
@@ -211,23 +212,23 @@ def sweep(
     scenarios : sequence of Scenario
         Scenarios with faults.
     estimators : sequence of str
-        Estimators as for `--estimator`.
+        Estimators, written as for the option `--estimator`.
     seeds : sequence of int
-        Seeds of the runs, the same for all settings.
+        Seeds of the runs, which are the same for all settings.
     run : callable
         ``run(scenarios, estimators, seeds)`` returns the rows of these cases, one per parameter.
 
     Raises
     ------
     FlexaxisError
-        If no scenario has a fault in a parameter of its `identify`.
+        If no scenario has a fault in a parameter that it identifies.
     """
     if not any(w.D > 0 for s in scenarios for w in windows(s, s.identify)):
         raise FlexaxisError(
-            f"{', '.join(s.name for s in scenarios)}: no fault in an estimated parameter, so there "
+            f"{', '.join(s.name for s in scenarios)}: no estimated parameter has a fault, so there "
             "is no lag to compare. Choose a scenario with such a fault (`flexaxis list`)"
         )
-    run(scenarios, texts(settings(estimators)), seeds)  # in one call, so that all share records
+    run(scenarios, texts(settings(estimators)), seeds)  # one call, so that settings share records
     runs, points = Runs(run, seeds), []
     at: dict[str, list[dict[str, Any]]] = {noise: [] for noise in NOISES}
     for scenario, name in product(scenarios, estimators):
@@ -250,7 +251,7 @@ def sweep(
 def able(
     scenarios: Sequence[Scenario], estimators: Sequence[str], seeds: Sequence[int], run: Run
 ) -> list[str]:
-    """Return the estimators that run without failure on all scenarios in a first sweep."""
+    """Return the estimators that run on all scenarios without failure at the first settings."""
     lines = settings(estimators)
     frame = run(scenarios, texts(lines), seeds)
     failed = {*frame.loc[frame["error"].notna(), "estimator"]}
@@ -264,7 +265,7 @@ _KEPT = (
 
 
 def _row(scenario: Scenario, estimator: str, parameter: str, matched: Match) -> dict[str, Any]:
-    """Return the scores of an estimator at equal noise, with their values for each seed."""
+    """Return the scores of an estimator at equal noise, including the values for each seed."""
     values = {name: matched.at(name) for name in ("lag", "std_after", "score")}
     lag, after, score = (None if x is None else float(x.mean()) for x in values.values())
     within = None if lag is None else mean_interval(values["lag"])  # type: ignore[arg-type]

@@ -1,4 +1,4 @@
-"""Tune an estimator: find the setting at which it is as noisy as the reference.
+"""Tune an estimator, that is, find the setting at which it is as noisy as the reference.
 
 The tuning parameter, or knob, is the option that trades speed for noise
 (`flexaxis.estimators.knob`).
@@ -28,7 +28,7 @@ from flexaxis.sim.scenario import Scenario
 
 EXCESS = "excess"  # default measure of noise; the alternative is the std of one parameter
 TOLERANCE = 0.01  # relative tolerance of the matched noise
-ROUNDS = 12  # largest number of settings that are tried
+ROUNDS = 12  # largest number of settings to try
 DIGITS = 4  # significant digits of a setting, more than the tolerance requires
 
 
@@ -39,13 +39,13 @@ class Tuned:
     Attributes
     ----------
     setting : str
-        The estimator with its tuned options, as for `--estimator`.
+        Estimator with its tuned options, written as for the option `--estimator`.
     knob : str
         Name of the tuned option, or names of several options.
     value : float
         Value of the option or, for several options, their position on a common path.
     match : str
-        Noise that is matched: "excess", or the name of the parameter for which the std is matched.
+        Measure of the noise: "excess", or the name of a parameter whose std is matched.
     ratio : float
         Noise divided by the noise of the reference. For the excess error, which is a square,
         `ratio` is the square root of this quotient.
@@ -58,14 +58,14 @@ class Tuned:
     ratio: float
 
     def turned(self, factor: float) -> str | None:
-        """Return the estimator with its knob at `factor` times this setting; None out of range."""
+        """Return the estimator with its knob at `factor` × this setting, or None out of range."""
         name, options, knob = parts(self.setting)
         at = knob.at(knob.position(self.value) * factor)
         return None if at is None else with_options(name, options | at)
 
 
 def parts(text: str) -> tuple[str, dict[str, Any], Knob]:
-    """Return the name of an estimator, its options except the tuned ones, and its knob.
+    """Return the name of an estimator, its options without the tuned options, and its knob.
 
     Raises
     ------
@@ -85,13 +85,13 @@ def parts(text: str) -> tuple[str, dict[str, Any], Knob]:
 
 
 def tuning_scenario() -> Scenario:
-    """Return the scenario for matching noise, with the nominal axis, true θ(0), and no fault."""
+    """Return the scenario for matching noise: the nominal axis without fault, with true θ(0)."""
     return find_scenario("paper_nominal-v1").override({"start": 1.0})
 
 
 @dataclass(frozen=True)
 class Trials:
-    """The runs on which settings are tried.
+    """Runs on which the tuning tries settings.
 
     Attributes
     ----------
@@ -100,10 +100,10 @@ class Trials:
     run : callable
         ``run(scenarios, estimators, seeds)`` returns the rows of these cases, one per parameter.
     match : str
-        Noise that is matched: "excess", or the name of the parameter for which the std is matched.
+        Measure of the noise: "excess", or the name of a parameter whose std is matched.
     scenarios : sequence of Scenario
-        Scenarios in which the noise before the first fault is measured. If empty, the noise is
-        measured on the nominal axis without a fault.
+        Scenarios for the noise before the first fault. Without scenarios, the noise is measured on
+        the nominal axis without a fault.
     """
 
     seeds: Sequence[int]
@@ -114,8 +114,8 @@ class Trials:
     def noises(self, text: str) -> pd.Series:
         """Return logarithms of the std of each parameter and of the root of the excess error.
 
-        The result is indexed by parameter, and by "excess" for the excess error. Values are means
-        over the scenarios; a parameter that is not estimated in every scenario is left out.
+        The index of the result contains the parameters and "excess". The values are means over the
+        scenarios. The result contains only parameters that are estimated in every scenario.
         """
         each = []
         for scenario in self.scenarios or [tuning_scenario()]:
@@ -131,23 +131,24 @@ class Trials:
 
 
 def match_noise(text: str, trials: Trials) -> Tuned:
-    """Tune an estimator until it is as noisy as `rpem-forgetting` at its default.
+    """Tune an estimator until it is as noisy as `rpem-forgetting` with default options.
 
-    The search uses secant steps for the logarithms, and bisection if a step leaves the range that
-    contains the match. The search assumes that noise increases with the position of the knob, and
-    tries at most `ROUNDS` settings within the range of the knob.
+    The search uses secant steps for the logarithms. If a step leaves the range that contains the
+    match, the search uses bisection. The search assumes that noise increases with the position of
+    the knob, and tries at most `ROUNDS` settings within the range of the knob.
 
     Parameters
     ----------
     text : str
-        An estimator with a knob, as for `--estimator`. Other options keep their values.
+        Estimator with a knob, written as for the option `--estimator`. Other options keep their
+        values.
     trials : Trials
-        Runs on which settings are tried.
+        Runs on which the search tries settings.
 
     Raises
     ------
     FlexaxisError
-        If the estimator has no knob, or if no setting matches.
+        If the estimator has no knob, or if no setting matches the noise.
     """
     (name, options, knob), target = parts(text), trials.noises(reference())
     if trials.match not in target:
@@ -165,7 +166,7 @@ def match_noise(text: str, trials: Trials) -> Tuned:
         if trials.match not in errors:
             raise FlexaxisError(
                 f"{tried} has no noise to match. Its estimates do not move, or it does not "
-                f"estimate the parameters needed to match {trials.match!r}"
+                f"estimate the parameters that are needed to match {trials.match!r}"
             )
         error = errors[trials.match]
         if abs(error) < TOLERANCE:
@@ -193,17 +194,17 @@ def equally_noisy(
 ) -> list[Tuned]:
     """Tune two estimators until both are as noisy as the reference.
 
-    If only one parameter that both estimate changes in these scenarios, the std of this parameter
-    is matched. If several change, the excess prediction error is matched, because it is a single
-    number for all parameters.
+    If the scenarios change only one of the parameters that both estimate, the function matches the
+    std of this parameter. If they change several, the function matches the excess prediction error,
+    which is a single number for all parameters.
 
     Parameters
     ----------
     texts : sequence of str
-        Estimators as for `--estimator`. The value of the tuning parameter is replaced; other
-        options keep their values.
+        Estimators, written as for the option `--estimator`. The function replaces the value of the
+        tuning parameter. Other options keep their values.
     scenarios : sequence of Scenario
-        Scenarios in which the noise before the faults is measured.
+        Scenarios for the noise before the faults.
     run : callable
         ``run(scenarios, estimators, seeds)`` returns the rows of these cases, one per parameter.
     seeds : sequence of int
@@ -212,8 +213,8 @@ def equally_noisy(
     Raises
     ------
     FlexaxisError
-        If one of the estimators has no tuning parameter, if no parameter changes that both
-        estimate, or if no setting matches the noise.
+        If one of the estimators has no tuning parameter, if the scenarios change no parameter that
+        both estimate, or if no setting matches the noise.
     """
     for text in texts:
         parts(text)  # fail before any run if there is no knob
@@ -236,7 +237,7 @@ def _rounded(position: float, knob: Knob) -> float:
 
 
 def save(path: Path, name: str, tuned: Tuned | None) -> None:
-    """Write or replace the setting of an estimator in a file such as estimators/tuned.toml.
+    """Write the tuned setting of an estimator to a file such as estimators/tuned.toml.
 
     Parameters
     ----------

@@ -1,6 +1,7 @@
-"""The gate: decide whether a candidate estimator is better or worse than a base, or undecided.
+"""Decide whether a candidate estimator is better or worse than a base estimator.
 
-`pairs` joins the rows of both estimators on common seeds, `verdict` judges the paired scores,
-`gate` adds seeds until the verdict is clear, `equal_noise` tunes both estimators to the same noise
-before the comparison, and `report` writes the result.
+The module `pairs` joins the rows of both estimators on common seeds, and the module `verdict`
+judges the paired scores. The module `gate` adds seeds until the verdict is clear. The module
+`equal_noise` tunes both estimators to the same noise before a comparison, and the module `report`
+writes the result.
 """

@@ -1,9 +1,9 @@
-"""Compare at equal noise: tune both sides to the same noise, then compare their lags.
+"""Compare two estimators at equal noise: tune both to the same noise, then compare their lags.
 
-The tuning parameters are adjusted on tuning seeds until both estimators are as noisy as the
-reference. On the seeds of the comparison, the noise of the two estimators still differs by chance.
-Therefore, the candidate also runs at neighbouring settings, and its lag is interpolated to exactly
-the noise of the base (`flexaxis.experiments.comparison.sweep`).
+The tuning uses separate seeds and makes both estimators as noisy as the reference. On the seeds of
+the comparison, the noise of the two estimators still differs by chance. Therefore the candidate
+also runs at neighbouring settings, and its lag is interpolated to exactly the noise of the base
+(`flexaxis.experiments.comparison.sweep`).
 """
 
 from collections.abc import Sequence
@@ -23,14 +23,14 @@ SEEDS = tuple(range(16))
 """Seeds for tuning."""
 
 TURNS = (1 / 1.2, 1.0, 1.2)  # settings of the candidate relative to the tuned setting
-FURTHER = (1.6, 4.0, 16.0)  # further relative settings (or their inverses) if TURNS do not suffice
+FURTHER = (1.6, 4.0, 16.0)  # more relative settings (or their inverses) if TURNS are not enough
 
 
 def at_equal_noise(
     paired: Paired, base: Tuned, candidate: Tuned, *,
     scenarios: Sequence[Scenario], run: Run, seeds: Sequence[int],
 ) -> Paired:  # fmt: skip
-    """Replace the lags by lags at equal noise, and report each fault without a match as a `Gap`.
+    """Replace paired lags by lags at equal noise, and report each fault without a match as a `Gap`.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def at_equal_noise(
     run : callable
         ``run(scenarios, estimators, seeds)`` returns the rows of these cases, one per parameter.
     seeds : sequence of int
-        Seeds of the comparison, which must differ from the tuning seeds.
+        Seeds of the comparison, which must not be seeds for tuning.
     """
     noise: Noise = "excess" if base.match == EXCESS else "std"
     turn, runs = candidate.turned, Runs(run, seeds)

@@ -1,4 +1,4 @@
-"""Compare a candidate with a base: run both on common seeds, with more seeds if undecided."""
+"""Compare a candidate with a base on common seeds, and add seeds if the result is undecided."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -29,7 +29,7 @@ from flexaxis.sim.errors import FlexaxisError, did_you_mean
 from flexaxis.sim.scenario import Scenario
 
 SUITE = "gate"
-"""The suite on which estimators are compared by default."""
+"""Name of the default suite for comparisons."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,9 +39,10 @@ class Comparison:
     Attributes
     ----------
     base, candidate : str
-        Estimators as for `--estimator`; at equal noise, with their tuned options.
+        Estimators, written as for the option `--estimator`. After tuning to equal noise, the texts
+        include the tuned options.
     seeds : list of int
-        Seeds on which both estimators were compared.
+        Common seeds of both estimators.
     rows : DataFrame
         One verdict per score, from `flexaxis.experiments.gate.verdict.judge`.
     lost : sequence of Lost
@@ -51,9 +52,9 @@ class Comparison:
     margins : mapping of metric to float
         Largest relative change of each score that counts as negligible.
     look, looks : int
-        Number of the last look, counted from 1, and number of planned looks.
+        Number of the last look (interim analysis), counted from 1, and number of planned looks.
     equal : sequence of Tuned
-        Tuned settings of both estimators, if they were first tuned to equal noise.
+        Tuned settings of both estimators, if the comparison is at equal noise.
     """
 
     base: str
@@ -69,7 +70,7 @@ class Comparison:
 
     @property
     def verdict(self) -> str:
-        """The overall verdict; without all candidate runs, it is "worse" or "undecided"."""
+        """The overall verdict, which is "worse" or "undecided" if candidate runs are missing."""
         word = overall(self.rows["verdict"], self.lost)
         sides = {gap.side for gap in self.paired.gaps}
         short = "candidate" in sides or ("base" in sides and word in {SLIGHT, SAME})
@@ -78,8 +79,8 @@ class Comparison:
     def status(self) -> int:
         """Return the exit status, which is 1 if the candidate is worse, and otherwise 0 or 3.
 
-        The status is 3 if the verdict is "undecided" and the candidate has missing runs, or more
-        failed, diverged or unsettled runs than the base.
+        The status is 3 if the verdict is "undecided" and the candidate lacks runs or loses more
+        runs than the base. Lost runs are failed, diverged or unsettled runs.
         """
         if self.verdict != UNDECIDED:
             return int(self.verdict == WORSE)
@@ -93,35 +94,35 @@ def compare(
     runner: Runner, *,
     margins: Mapping[str, float] = MARGINS, max_seeds: int = 0, match_std: bool = False,
 ) -> Comparison:  # fmt: skip
-    """Run both estimators and judge every score; if `match_std`, compare lags at equal noise.
+    """Run two estimators and judge every score, or the lags at equal noise if `match_std`.
 
     If `max_seeds` allows more seeds, further looks (interim analyses) double the number of seeds
     until the overall verdict is not "undecided" or all seeds have been used. Each of K looks has
     the level alpha/K (Bonferroni), so repeated looks do not increase the probability of a false
-    verdict. Scenarios on which one of the estimators cannot run are left out.
+    verdict. The comparison skips scenarios on which one of the estimators cannot run.
 
     Parameters
     ----------
     base, candidate : str
-        Estimators as for `--estimator`.
+        Estimators, written as for the option `--estimator`.
     scenarios : sequence of Scenario
         Scenarios on which the estimators run.
     seeds : sequence of int
         Seeds of the first look.
     runner : Runner
-        Runner for the cases.
+        Runner that runs the cases.
     margins : mapping of metric to float
         Largest relative change of each score that counts as negligible.
     max_seeds : int
         Largest number of seeds.
     match_std : bool
-        Whether to tune both estimators to equal noise first.
+        Whether to tune both estimators to equal noise before the comparison.
 
     Raises
     ------
     FlexaxisError
-        If there are fewer than two seeds, or more than a positive `max_seeds`; if base and
-        candidate have fewer than two runs in common; or if the noise cannot be matched.
+        If there are fewer than two seeds, or more seeds than a positive `max_seeds`. Also if base
+        and candidate have fewer than two common runs, or if the noise cannot be matched.
     """
     looks, run = look_seeds(seeds, max_seeds), runner.rows
     left = [runner.misfits(scenarios, [text]) for text in (base, candidate)]
@@ -134,7 +135,7 @@ def compare(
     if match_std:
         if used := {*SEEDS} & {*looks[-1]}:
             raise FlexaxisError(
-                f"seed {min(used)} is used for tuning: compare on other seeds, such as "
+                f"seed {min(used)} is a seed for tuning: compare on other seeds, such as "
                 "--seeds 1000:1032"
             )
         equal = equally_noisy((base, candidate), scenarios, run, SEEDS[: max(2, len(seeds))])
@@ -158,7 +159,7 @@ def compare(
 
 
 def look_seeds(seeds: Sequence[int], most: int) -> list[list[int]]:
-    """Return the seeds of each look; their number doubles from look to look, up to `most`.
+    """Return the seeds of each look; the number of seeds doubles from look to look up to `most`.
 
     Examples
     --------
@@ -167,8 +168,8 @@ def look_seeds(seeds: Sequence[int], most: int) -> list[list[int]]:
     """
     if len(seeds) < 2 or 0 < most < len(seeds):
         raise FlexaxisError(
-            f"give at least 2 seeds (32 are recommended), and at most as many --seeds "
-            f"({len(seeds)}) as --max-seeds ({most})"
+            f"give at least 2 seeds (32 are recommended), and not more --seeds ({len(seeds)}) than "
+            f"--max-seeds ({most})"
         )
     every, sizes = [*seeds, *range(seeds[-1] + 1, seeds[-1] + 1 + most)], [len(seeds)]
     while sizes[-1] < most:
@@ -177,7 +178,7 @@ def look_seeds(seeds: Sequence[int], most: int) -> list[list[int]]:
 
 
 def check_margins(margins: Mapping[str, float]) -> dict[str, float]:
-    """Return the default margins updated with `margins`, or raise an error for an invalid entry."""
+    """Return the default margins with changes from `margins`, or raise an error for a mistake."""
     for metric, margin in margins.items():
         if metric not in METRICS or not 0 < margin < 1:
             raise FlexaxisError(
@@ -191,7 +192,7 @@ def compare_runs(
     base: Path, candidate: Path, *, margins: Mapping[str, float] = MARGINS,
     estimators: Sequence[str | None] = (None, None), seeds: Sequence[int] | None = None,
 ) -> Comparison:  # fmt: skip
-    """Compare estimators from two finished runs on their common seeds.
+    """Compare two estimators from two finished runs on their common seeds.
 
     Parameters
     ----------
@@ -200,15 +201,15 @@ def compare_runs(
     margins : mapping of metric to float
         Largest relative change of each score that counts as negligible.
     estimators : sequence of str or None
-        Estimator to take from each folder; None if the folder contains only one estimator.
+        Estimator in each folder; None if the folder contains only one estimator.
     seeds : sequence of int, optional
         Seeds to compare (default: all).
 
     Raises
     ------
     FlexaxisError
-        If the versions or a scenario differ, if a folder contains several estimators and `None` is
-        given for this folder, or if there are fewer than two common seeds.
+        If the versions differ, if a scenario differs, if there are fewer than two common seeds, or
+        if the estimator of a folder is None although the folder contains several estimators.
     """
     sides, names, versions = [], [], []  # type: ignore[var-annotated]
     for folder, text in zip((base, candidate), estimators, strict=True):

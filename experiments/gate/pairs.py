@@ -1,4 +1,4 @@
-"""Pair the scores of base and candidate, run by run."""
+"""Pair the scores of a base estimator and a candidate, run by run."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -15,7 +15,7 @@ from flexaxis.sim.errors import FlexaxisError
 Array = NDArray[np.float64]
 
 LOST = ("diverged", "never_settled")
-"""Kinds of lost runs. Each kind is counted over all scenarios and judged separately from scores,
+"""Kinds of lost runs. Lost runs are counted over all scenarios and judged separately from scores,
 because an average over the remaining runs would reward an estimator for losing difficult runs."""
 
 SIDES = ("base", "candidate")
@@ -27,7 +27,7 @@ NUMBERS = [*dict.fromkeys([*METRICS, *(bias for bias, _ in SPREADS.values())])]
 
 
 class Gap(NamedTuple):
-    """Results that are missing for `side`; if `must_look` is true, the gate must not pass."""
+    """Missing results of one side of a comparison; if `must_look`, the gate must not pass."""
 
     side: str
     text: str
@@ -41,20 +41,21 @@ class Paired:
     Attributes
     ----------
     scores : DataFrame
-        One row per score, with columns ``scenario, parameter, metric, margin``. ``base`` and
-        ``candidate`` are means over the pairs [unit of the metric]; they are geometric means if
-        ratios are compared. ``changes`` (n,) are log(candidate/base) or (candidate −
-        base)/``scale``, and NaN for runs in which either side diverged or has no score. ``scale``
-        is NaN if ratios are compared.
+        One row per score. The columns ``scenario, parameter, metric, margin`` identify the score.
+        The columns ``base`` and ``candidate`` contain means over the pairs [unit of the metric], or
+        geometric means if ratios are compared. The column ``changes`` contains an array (n,) with
+        log(candidate/base) or (candidate − base)/``scale``. Its entries are NaN for runs in which
+        either estimator diverged or has no score. ``scale`` is NaN if ratios are compared.
     lost : DataFrame
-        One row per scenario and seed; ``"diverged base"`` and the other three columns are true for
-        lost runs. A run that diverged on either side does not count as never settled.
+        One row per scenario and seed. The column ``"diverged base"`` and the other three columns
+        are true for lost runs. If a run diverged for either estimator, it does not count as never
+        settled.
     gaps : sequence of Gap
-        Missing results of either side.
+        Missing results of the base or the candidate.
     estimated : mapping of side to set of str
-        Parameters that base and candidate estimate.
+        Parameters that the base and the candidate estimate.
     failed : mapping of side to int
-        Number of failed cases.
+        Number of failed cases of the base and the candidate.
     """
 
     scores: pd.DataFrame
@@ -67,14 +68,14 @@ class Paired:
 def table(rows: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
     """Return the rows of one estimator for the comparison.
 
-    A failed case has rows for all parameters of its scenario. The rows for parameters that the
-    estimator does not estimate in any other case are dropped.
+    A failed case has rows for all parameters of its scenario. The function removes the rows for
+    parameters that the estimator does not estimate in any other case.
 
     Parameters
     ----------
     rows : iterable of mapping, or DataFrame
-        One row per run and parameter, with ``scenario, seed, parameter, changed, failed, diverged,
-        never_settled``, the scores, and optionally ``hash`` and ``error``.
+        One row per run and parameter, with the keys ``scenario, seed, parameter, changed, failed,
+        diverged, never_settled``, the names of the scores, and optionally ``hash`` and ``error``.
     """
     frame = pd.DataFrame(rows).reindex(columns=[*KEY, *FLAGS, *NUMBERS, "hash", "error"])
     frame[FLAGS] = frame[FLAGS].eq(True)
@@ -84,19 +85,19 @@ def table(rows: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
 
 
 def pair(base: pd.DataFrame, candidate: pd.DataFrame, margins: Mapping[str, float]) -> Paired:
-    """Return the scores of base and candidate on their common runs.
+    """Pair the scores of base and candidate on their common runs.
 
     Parameters
     ----------
     base, candidate : DataFrame
         Rows from `table`.
     margins : mapping of metric to float
-        Scores to compare, each with the smallest relative change that matters.
+        Smallest relevant relative change of each score to compare.
 
     Raises
     ------
     FlexaxisError
-        If both sides have fewer than two common seeds, or no common scenario or parameter.
+        If base and candidate have fewer than two common seeds, or no common scenario or parameter.
     """
     both = base.merge(candidate, on=KEY, suffixes=(" base", " candidate"))
     if both["seed"].nunique() < 2:
@@ -121,7 +122,7 @@ def pair(base: pd.DataFrame, candidate: pd.DataFrame, margins: Mapping[str, floa
 
 
 def _lacking(sides: Mapping[str, pd.DataFrame]) -> list[Gap]:
-    """Return a `Gap` for the cases that one side lacks, among the seeds that both sides have."""
+    """Return a `Gap` for each side and scenario with missing cases on the common seeds."""
     seeds = set.intersection(*({*rows["seed"]} for rows in sides.values()))
     cases = pd.DataFrame({
         side: rows[rows["seed"].isin(seeds)].drop_duplicates(CASE)["scenario"].value_counts()
@@ -133,7 +134,7 @@ def _lacking(sides: Mapping[str, pd.DataFrame]) -> list[Gap]:
 
 
 def _lost(both: pd.DataFrame) -> pd.DataFrame:
-    """Return which runs each side lost, in at least one of the common parameters."""
+    """Return a table of the runs that each side lost in at least one common parameter."""
     columns = [f"{way} {side}" for way in LOST for side in SIDES]
     lost = both.groupby(CASE)[columns].any()
     lost[columns[2:]] &= ~lost[columns[:2]].any(axis=1).to_numpy()[:, None]
@@ -143,7 +144,7 @@ def _lost(both: pd.DataFrame) -> pd.DataFrame:
 def _score(
     part: pd.DataFrame, scenario: str, parameter: str, metric: str, margin: float
 ) -> dict[str, Any]:
-    """Return one score of both sides, or {} if it is undefined, such as the lag without a fault."""
+    """Return one score of both sides, or {} if the score is undefined (a lag without a fault)."""
 
     def sides(name: str) -> Array:
         return part[[f"{name} base", f"{name} candidate"]].to_numpy(float).T.copy()

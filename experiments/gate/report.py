@@ -1,4 +1,4 @@
-"""The result of a comparison as text, verdict first, for the terminal, Markdown, JSON and HTML."""
+"""Write the result of a comparison for the terminal and as Markdown, JSON and HTML."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -23,12 +23,12 @@ Row = Mapping[str, Any]
 COLUMNS = ("scenario", "score", "base", "candidate", "change", "interval", "verdict")
 
 TEXTS = {
-    # comparatives for each score: more, less
+    # comparatives for each score: for an increase, for a decrease
     "lag": ("longer", "shorter"), "t10": ("longer", "shorter"), "else": ("larger", "smaller"),
     # noise reported with a lag, keyed by the verdict on the std
     SAME: "same noise", SLIGHT: "same noise", WORSE: "more noise", BETTER: "less noise",
     UNDECIDED: "noise undecided",
-    # reasons for undecided
+    # reasons for the verdict "undecided"
     "far": " (at least one run is much worse)",
     "few": " (too few runs to exclude rare failures)", "": "",
     # lost runs
@@ -60,20 +60,20 @@ OWN = ("base", "candidate", "seeds", "look", "looks", "failed", "gaps")
 
 
 def as_dict(c: Comparison) -> dict[str, Any]:
-    """Return the verdict with all tables, for the terminal, the page and compare.json.
+    """Return the verdict with all tables, for the terminal, the HTML page and compare.json.
 
     Returns
     -------
     dict
-        ``verdict`` is one word, ``headline`` is one line, and ``advice`` is a list of lines on what
-        to do next. ``columns`` contains the headings of the table, and ``rows`` contains the rows
-        of the table, the most important first. The keys of a row are the columns from
-        `flexaxis.experiments.gate.verdict.judge`, and ``text`` for its cells. ``legend`` contains
-        at most five lines, ``lost`` the verdicts on lost runs, and ``equal_noise`` both tuned
-        settings. ``base, candidate, seeds, look, looks, alpha, failed, gaps`` describe the
-        comparison.
+        ``verdict`` is one word, ``headline`` is one line, and ``advice`` is a list of lines with
+        suggestions. ``columns`` contains the headings of the table. ``rows`` contains the rows of
+        the table, the most important first. The keys of a row are the columns from
+        `flexaxis.experiments.gate.verdict.judge`, and ``text`` with the cells as texts. ``legend``
+        contains at most five lines. ``lost`` contains the verdicts on lost runs. ``equal_noise``
+        contains the tuned settings of both estimators. ``base, candidate, seeds, look, looks,
+        alpha, failed, gaps`` describe the comparison.
     """
-    rows = c.rows[c.rows["verdict"] != SILENT]  # leave out biases that are not worse
+    rows = c.rows[c.rows["verdict"] != SILENT]  # omit biases that are not worse
     shown = json.loads(rows.to_json(orient="records", double_precision=15))
     margins = ", ".join(f"{name} {100 * margin:g} %" for name, margin in c.margins.items())
     about = {**vars(c), "seeds": len(c.seeds), "percent": 100 * ALPHA / c.looks, "margins": margins}
@@ -106,7 +106,7 @@ def headline(c: Comparison, shown: Sequence[Row]) -> str:
 
 
 def _scaled(row: Row) -> tuple[Any, str]:
-    """Return the change and the ends of its interval (3,), scaled for display, and their unit."""
+    """Return the change and the ends of its interval (3,) in a unit for display, and the unit."""
     numbers = np.array([row["change"], *row["interval"]], float)
     if row["scale"] is not None:
         return numbers, METRICS[row["metric"]]
@@ -123,7 +123,7 @@ def sentence(row: Row) -> str:
 
 
 def advice(c: Comparison) -> list[str]:
-    """Return lines that state the limits of the comparison and suggest what to do next."""
+    """Return lines that state the limits of the comparison and suggest a next step."""
     names, lines = c.paired.estimated, []
     for fewer, more in permutations(names, 2):
         if rest := ", ".join(sorted(names[more] - names[fewer])):

@@ -1,4 +1,4 @@
-"""The rules for the verdict on each score and on lost runs."""
+"""Judge each score and the lost runs of a comparison."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -13,37 +13,36 @@ from flexaxis.experiments.scoring.score_table import SCORES
 
 WORSE, UNDECIDED, BETTER, SLIGHT, SAME = "worse", "undecided", "better", "slight", "same"
 ORDER = (WORSE, UNDECIDED, BETTER, SLIGHT, SAME)
-"""The five verdicts; the overall verdict is the first in this list that applies to any score."""
+"""The five verdicts; the overall verdict is the first of these words that applies to any score."""
 
 SILENT = "not more"
-"""Verdict on lost runs, or on a bias, without a significant increase. The overall verdict does not
-depend on this verdict."""
+"""Verdict without a significant increase of a bias or of lost runs; this verdict does not affect
+the overall verdict."""
 
 ALPHA = 0.01
 """Largest probability of any false "worse" or "better" in a comparison."""
 
 SHARES = {False: 0.5, True: 0.1, "diverged": 0.2, "never_settled": 0.2}
-"""Shares of alpha for the tests of all scores, of all biases (guards), and of each kind of lost
-run."""
+"""Shares of alpha for tests of scores (False), of biases (True) and of each kind of lost run."""
 
 LOST_WORSE = 0.75
-"""Share of a lost-run test's alpha that is used for the verdict "worse". With alpha = 0.01, ten
-newly lost runs and no regained runs (p = 2⁻¹⁰) are enough for this verdict."""
+"""Share of alpha for the verdict "worse" in a test of lost runs. With alpha = 0.01, ten newly lost
+runs and no regained runs (p = 2⁻¹⁰) are enough for this verdict."""
 
 UNSEEN = 0.5
-"""Assumed size of a rare change in the opposite direction that did not occur in any run (log-ratio;
-0.5 is a factor of 1.65)."""
+"""Assumed size of a rare change in the opposite direction that occurred in no run. The size is a
+log-ratio; 0.5 is a factor of 1.65."""
 
 FAILED, SCATTER = 0.2, 4 * 1.4826
-"""A pair is a failure if its log-ratio is larger than FAILED and exceeds the median by more than
-SCATTER median absolute deviations (four standard deviations)."""
+"""Limits for a failure. A pair is a failure if its log-ratio is larger than FAILED and exceeds the
+median by more than SCATTER median absolute deviations (four standard deviations)."""
 
 
 class Lost(NamedTuple):
     """Numbers of runs that base and candidate lost in one way, and the verdict on these runs.
 
-    ``newly`` is the number of runs that only the candidate lost, and ``regained`` is the number of
-    runs that only the base lost.
+    The attribute `newly` is the number of runs that only the candidate lost. The attribute
+    `regained` is the number of runs that only the base lost.
     """
 
     way: str
@@ -68,13 +67,14 @@ def judge(paired: Paired, *, alpha: float = ALPHA) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        One row per score, the most important first: ``scenario, metric, parameter, verdict, runs,
-        pairs``. ``base`` and ``candidate`` are means over the pairs (geometric means if ratios are
-        compared). ``change`` is candidate/base − 1, and ``interval`` is the interval of ``change``;
-        for a bias, which has a ``scale``, both are differences. ``margin`` has the unit of
-        ``change``. ``p`` is the p-value without correction for multiple tests. ``reason`` explains
-        why a clear change is undecided: "few" if there are too few runs to exclude rare failures,
-        "far" if the mean is better but at least one run is much worse.
+        One row per score, the most important first. The columns include ``scenario, metric,
+        parameter, verdict, runs, pairs``. ``base`` and ``candidate`` are means over the pairs, or
+        geometric means if ratios are compared. ``change`` is candidate/base − 1, and ``interval``
+        is the interval for ``change``. For a bias, which has a ``scale``, both are differences.
+        ``margin`` has the unit of ``change``. ``p`` is the p-value without correction for multiple
+        tests. ``reason`` explains why a clear change is undecided. The reason is "few" if there are
+        too few runs to exclude rare failures. The reason is "far" if the mean is better, but at
+        least one run is much worse.
     """
     scores = paired.scores.reset_index(drop=True)
     if scores.empty:
@@ -101,10 +101,10 @@ def decide(
     Parameters
     ----------
     changes : array_like (S, n)
-        log(candidate/base) for each score and seed, or the difference divided by the scale; NaN
-        without a pair.
+        log(candidate/base) for each score and seed, or the difference divided by the scale. Entries
+        without a pair are NaN.
     scenarios, metrics, margins : ndarray (S,)
-        Scenario and metric of each score, and the smallest relative change that matters.
+        Scenario, metric and smallest relevant relative change of each score.
     alpha : float
         Largest probability of any false "worse" or "better" in the whole comparison.
 
@@ -120,7 +120,7 @@ def decide(
     freedom, level = np.maximum(n - 1, 1), np.empty(len(n))
     guard = np.array([SCORES[metric].guard for metric in metrics])
     with np.errstate(all="ignore"):
-        # For a score that is equal on every seed, p is NaN, so Holm's procedure does not count it.
+        # If a score is equal on every seed, p is NaN and Holm's procedure ignores the score.
         p = np.where(n > 1, 2 * stdtr(freedom, -abs(mean) / se), 1.0)
         for kind in (False, True):
             level[guard == kind] = holm_levels(p[guard == kind], SHARES[kind] * alpha)
@@ -148,11 +148,11 @@ def decide(
 def _agreeing(way: Any, n: Any, scenarios: Any, metrics: Any) -> tuple[Any, Any]:
     """Return the number of runs (S,) that confirm each change, and the number of scenario choices.
 
-    All runs on a scenario are counted, once each, if any score of the metric changes in the same
-    direction on this scenario. The second result (S,) is the number of ways to choose as many
-    scenarios as are counted. A failure with probability q per run does not occur in n runs with
-    probability (1 − q)ⁿ. So n runs cannot exclude a failure with a probability q below
-    1 − alpha^(1/n).
+    The runs on a scenario confirm a change if any score of the same metric changes in the same
+    direction on this scenario. Each run counts once. The second result (S,) is the number of ways
+    to choose as many scenarios as confirm the change. If a failure has the probability q per run,
+    the probability of no failure in n runs is (1 − q)ⁿ. Therefore n runs cannot exclude failures
+    with a probability q below 1 − alpha^(1/n).
     """
     table = pd.DataFrame({"metric": metrics, "way": way, "scenario": scenarios, "n": n})
     most = table.groupby(["metric", "way", "scenario"])["n"].max()
@@ -163,10 +163,10 @@ def _agreeing(way: Any, n: Any, scenarios: Any, metrics: Any) -> tuple[Any, Any]
 
 
 def judge_lost(newly: int, regained: int, way: str, alpha: float = ALPHA) -> str:
-    """Return the verdict on runs that only one side lost, using McNemar's exact test.
+    """Return the verdict on runs that only one side lost, based on McNemar's exact test.
 
-    If the test is not significant, the verdict is "undecided" if runs are newly lost and at most as
-    many are regained, and "not more" otherwise.
+    If the test is not significant, the verdict is "undecided" or "not more". It is "undecided" if
+    runs are newly lost and not more runs are regained.
     """
     share = SHARES[way] * alpha
     if sign_p(newly, regained) <= LOST_WORSE * share:
@@ -177,7 +177,7 @@ def judge_lost(newly: int, regained: int, way: str, alpha: float = ALPHA) -> str
 
 
 def losses(paired: Paired, *, alpha: float = ALPHA) -> list[Lost]:
-    """Return a verdict for each kind of lost run, with the same `alpha` as in `judge`."""
+    """Return a verdict for each kind of lost run; `alpha` has the same meaning as in `judge`."""
     verdicts = []
     for way in LOST:
         base, candidate = paired.lost[[f"{way} base", f"{way} candidate"]].to_numpy(bool).T
@@ -187,10 +187,10 @@ def losses(paired: Paired, *, alpha: float = ALPHA) -> list[Lost]:
 
 
 def alarming(lost: Sequence[Lost]) -> bool:
-    """Return whether the newly lost runs need attention, even if their number is not significant.
+    """Return whether newly lost runs need attention, even if their number is not significant.
 
-    The result is true if, in any way, at least two runs are newly lost and either the base loses no
-    runs or the p-value of the increase is at most 5 %.
+    The result is true if at least two runs are newly lost in the same way, and if either the base
+    loses no runs in this way or the p-value of the increase is at most 5 %.
     """
     return any(
         way.newly >= 2 and (not way.base or sign_p(way.newly, way.regained) <= 0.05) for way in lost
@@ -198,9 +198,10 @@ def alarming(lost: Sequence[Lost]) -> bool:
 
 
 def overall(verdicts: Sequence[str], lost: Sequence[Lost] = ()) -> str:
-    """Return the overall verdict: the first word of `ORDER` among all verdicts.
+    """Return the overall verdict, which is the first word of `ORDER` among all verdicts.
 
-    If no word of `ORDER` is among them, the result is "same" or, without any score, "undecided".
+    If the verdicts contain no word of `ORDER`, the result is "same". Without any score, the result
+    is "undecided".
     """
     words = {*verdicts, *(way.verdict for way in lost)}
     return next((word for word in ORDER if word in words), SAME if len(verdicts) else UNDECIDED)

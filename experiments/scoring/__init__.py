@@ -1,7 +1,8 @@
-"""Scores of a case, theoretical bounds, pooling over seeds, and intervals.
+"""Compute scores of a case, theoretical bounds, pooled scores and intervals.
 
-`score_table` lists every score once. `scores`, `excess`, `detection`, `consistency` and `recovered`
-compute them in the `windows` of a case. `bounds` and `true_model` contain the theory. `summary` and
-`pooling` combine many seeds into one row, and `intervals` computes its uncertainty. The input is a
-Track (estimates and true values); the output is a list of rows.
+The input is a `Track` with estimates and true values. The output is a list of rows. The module
+`score_table` defines every score. The modules `scores`, `excess`, `detection`, `consistency` and
+`recovered` compute the scores in the `windows` of a case. The modules `bounds` and `true_model`
+compute theoretical bounds. The modules `summary` and `pooling` combine the rows of many seeds into
+one row, and the module `intervals` computes confidence intervals.
 """

@@ -1,9 +1,9 @@
 """
-Theoretical limits after a jump: the Cramér–Rao bound, the lag at the bound, and the score.
+Compute theoretical limits after a jump: the Cramér–Rao bound, the lag at the bound, and the score.
 
-docs/scores.md contains the formulas and their sources. All formulas use the predictor gradient ψ
-at the true parameters, and assume white output noise of variance σ². If estimators read the angle
-of an encoder or increments of this angle, the output noise is the noise of the angle.
+The page docs/scores.md contains the formulas and their sources. All formulas use the predictor
+gradient ψ at the true parameters, and assume white output noise with variance σ². If estimators
+read an encoder angle or its increments, the output noise is the noise of the angle.
 """
 
 from collections.abc import Sequence
@@ -37,21 +37,21 @@ def cramer_rao(
     psi: ArrayLike, variance: float, theta: ArrayLike, prior: ArrayLike | None = None
 ) -> Array:
     """
-    Return the bound C(n) (N, p, p) on the covariance of θ̂, n samples after a jump.
+    Return the lower bound C(n) (N, p, p) on the covariance of θ̂, n samples after a jump.
 
-    C(n) = σ² [P_b⁻¹ + Σ_{k≤n} ψ₀ψ₀ᵀ]⁻¹ with P_b = diag((θ/2)²)/σ², for an estimator that knows the
-    time of the jump and the state at that time.
+    The bound is C(n) = σ² [P_b⁻¹ + Σ_{k≤n} ψ₀ψ₀ᵀ]⁻¹ with P_b = diag((θ/2)²)/σ². It applies to an
+    estimator that knows the time of the jump and the state at this time.
 
     Parameters
     ----------
     psi : (N, p) array_like
-        Gradient ψ₀ from the jump on.
+        Gradient ψ₀ after the jump.
     variance : float
         Variance σ² of the output noise.
     theta : (p,) array_like
         Parameters after the jump.
     prior : (p, p) array_like, optional
-        Prior information matrix that replaces P_b⁻¹/σ².
+        Information matrix before the jump, which replaces P_b⁻¹/σ².
     """
     psi = np.asarray(psi, float)
     if prior is None:
@@ -81,17 +81,19 @@ def lag_bound(deviation: ArrayLike, size: float, *, period: float) -> float:
 @dataclass(frozen=True)
 class JumpBound:
     """
-    Lower bounds on the standard deviation of θ̂ at n samples, of which the first is at an event.
+    Lower bounds on the standard deviation of θ̂ at n samples from an event on.
 
     Attributes
     ----------
     unknown : ndarray (n, p)
         Bound if all estimated parameters are unknown after the event.
     single : ndarray (n, p)
-        Bound for each parameter if only this parameter has changed and all others are known.
+        Bound for each parameter if only this parameter has changed and all other parameters are
+        known.
     learnt : ndarray (n, p)
-        Bound as in `unknown`, but if the parameters for which the estimator receives no exact value
-        (`true_model.untold`) must be learnt from the data before the event.
+        Same bound as `unknown`, for an estimator that must also learn some parameters from the data
+        before the event. These are the parameters without an exact known value (see
+        `true_model.untold`).
     """
 
     unknown: Array
@@ -108,12 +110,12 @@ def jump_bound(
     Parameters
     ----------
     scenario : Scenario
-        Scenario with noise, for an axis that a model describes
+        Scenario with noise and with an axis that a model describes
         (`flexaxis.experiments.scoring.true_model.describes`).
     names : sequence of str
         Names of the parameters that are unknown after the event.
     index, stop : int
-        Sample of the event, and end (exclusive) of the samples for which the bound is computed.
+        Sample of the event, and first sample for which no bound is computed.
     u : (N,) array_like
         Torque of a record of the scenario [N m].
     """
@@ -124,8 +126,8 @@ def jump_bound(
     p, every = len(names), tuple(errors)
     if p == len(every):
         return result
-    # Before the event, all parameters are learnt as if none changed. This information is then kept
-    # for all parameters except `names`, which change at the event.
+    # Before the event, the data provide information about all parameters. After the event, this
+    # information remains valid except for the parameters `names`, which may change at the event.
     before, size = _gradient(scenario, every, truth[0], np.zeros(0), u[:index])
     known = np.diag([error**-2 for error in errors.values()])
     learnt = np.linalg.inv(known + (before * size).T @ (before * size) / variance)
@@ -156,9 +158,9 @@ def bound_from(
     parameters : (q,) ndarray
         Physical parameters after the jump, in the order of `Scenario.parameter_names`.
     x : (n,) ndarray
-        State at the jump. Bristle states may be left out, because they decay in milliseconds.
+        State at the jump. The state may omit bristle states, because they decay in milliseconds.
     u : (N,) ndarray
-        Torque from the jump on [N m].
+        Torque after the jump [N m].
     variance : float
         Variance σ² of the output noise.
     """
@@ -177,18 +179,18 @@ def _deviation(covariance: Array) -> Array:
 def _gradient(
     scenario: Scenario, names: Sequence[str], parameters: Array, x: Array, u: Array
 ) -> tuple[Array, Array]:
-    """Return the gradient ψ₀ (N, p) for an initial state, and the scales (p,) of the parameters."""
+    """Return the gradient ψ₀ (N, p) after an initial state, and the parameters' scales (p,)."""
     model = true_model(scenario, parameters).parametrize(names)
     theta = model_theta(scenario, names, parameters)
     state = np.zeros(model.states)
     state[: len(x)] = x
     psi = jump_gradient(model, theta, u, state, period=scenario.period)
-    # The prior is scaled by the parameters, or by an initial value if friction has become zero.
+    # The scale of the prior is the parameter, or its initial value if friction has become zero.
     return psi, sizes(scenario, names, theta)
 
 
 def noise_variance(scenario: Scenario) -> float:
-    """Return the noise variance of the speed or, if estimators read an encoder, of the angle."""
+    """Return the noise variance of the speed, or of the angle if estimators read an encoder."""
     if not reads_encoder(scenario):
         return scenario.noise.speed**2
     counts = scenario.encoder.counts
@@ -198,20 +200,20 @@ def noise_variance(scenario: Scenario) -> float:
 
 @dataclass(frozen=True)
 class Limits:
-    """Theoretical limits for one parameter in one case; an undefined limit is None.
+    """Theoretical limits of the lag of one parameter in one case; an undefined limit is None.
 
     Attributes
     ----------
     lag_null : float or None
         Lag of an estimator that never moves [s].
     lag_bound : float or None
-        Lag at the Cramér–Rao bound if the time of the jump and the state are known, but no
-        estimated parameter is known after the jump [s].
+        Lag at the Cramér–Rao bound if the time of the jump and the state are known, but the
+        estimated parameters after the jump are unknown [s].
     lag_bound_single : float or None
         Lag at the bound if all other parameters are known after the jump [s].
     lag_bound_learnt : float or None
-        Lag at the bound if the parameters for which the estimator receives no exact value must be
-        learnt before the fault [s].
+        Lag at the bound if the estimator must also learn, before the fault, the parameters without
+        an exact known value [s].
     """
 
     lag_null: float | None = None
@@ -221,7 +223,7 @@ class Limits:
 
 
 def limits(scenario: Scenario, names: Sequence[str], torque: Array) -> list[Limits]:
-    """Return the limits of each estimated parameter; only those in `bounded` have limits."""
+    """Return the limits of each estimated parameter; parameters without a bound have no limits."""
     spans = bounded(scenario, names)
     unknown = tracked(scenario, names)
     per_parameter = []
@@ -243,17 +245,17 @@ def limits(scenario: Scenario, names: Sequence[str], torque: Array) -> list[Limi
 
 @remembered()
 def record_limits(scenario: Scenario, torque: bytes) -> list[Limits]:
-    """Return the limits for the parameters in `identify`, cached for all estimators on a record."""
+    """Return the limits of the parameters in `identify`; all estimators share the cached result."""
     return limits(scenario, scenario.identify, np.frombuffer(torque).copy())
 
 
 def bounded(scenario: Scenario, names: Sequence[str]) -> dict[str, Window]:
-    """Return the parameters for which a bound is defined, each with its scoring window.
+    """Return the scoring windows of the parameters for which a bound is defined, keyed by name.
 
-    A parameter has a bound if the parameter changes once, in a step, while the excitation is on.
-    All other faults must also be steps. A model must describe the axis, even if estimators do not
-    use this model. The scenario must have noise, because all bounds are zero without noise, and no
-    changes that are not faults.
+    A parameter has a bound if it changes once, in a step, while the excitation is on. All other
+    faults must also be steps, and all changes of parameters must be faults. A model must describe
+    the axis, even if estimators do not use this model. The scenario must have noise, because all
+    bounds are zero without noise.
     """
     if scenario.nuisance or not describes(scenario) or not noise_variance(scenario) > 0:
         return {}
@@ -276,7 +278,7 @@ def _lag_null(scenario: Scenario, names: Sequence[str], i: int, window: Window) 
 
 
 def score(lag: float | None, limit: Limits) -> float | None:
-    """Return 100 ln(lag_null/lag)/ln(lag_null/lag_bound), which is 0 if θ̂ never moves."""
+    """Return the score 100 ln(lag_null/lag)/ln(lag_null/lag_bound), which is 0 for a constant θ̂."""
     null, bound = limit.lag_null, limit.lag_bound
     if not lag or not null or not bound or bound >= null:
         return None
@@ -289,10 +291,10 @@ def score(lag: float | None, limit: Limits) -> float | None:
 
 
 def limits_of(track: Track, i: int) -> Limits:
-    """Return the limits of the estimated parameter i.
+    """Return the theoretical limits of the estimated parameter i.
 
-    The limits are computed for the parameters in the scenario's `identify`, even if an estimator
-    estimates more or fewer parameters, so that the limits are the same for all estimators.
+    The function computes the limits for the parameters in the scenario's `identify`, even if an
+    estimator estimates other parameters. Therefore the limits are the same for all estimators.
     """
     asked = track.scenario.identify
     if track.torque is None or track.names[i] not in asked:
@@ -303,11 +305,11 @@ def limits_of(track: Track, i: int) -> Limits:
 
 
 def limit_of(name: str, track: Track, i: int) -> float | None:
-    """Return the limit `name` of the estimated parameter i."""
+    """Return one of the `Limits`, such as "lag_bound", of the estimated parameter i."""
     limit: float | None = getattr(limits_of(track, i), name)
     return limit
 
 
 def score_of(track: Track, i: int) -> float | None:
-    """Return the score of the lag, from 0 for an estimator that never moves to 100 at the bound."""
+    """Return the score of the lag, which is 0 for constant estimates and 100 at the bound."""
     return score(lag_of(track, i), limits_of(track, i))

@@ -1,4 +1,4 @@
-"""Consistency: whether the variances that an estimator reports match its actual errors."""
+"""Compute whether the variances that an estimator reports match its actual errors."""
 
 from typing import Any
 
@@ -16,16 +16,16 @@ MEMORY = (
 
 
 def nis(innovations: Array) -> float | None:
-    """Return the normalised innovation squared: the mean of ε²/S, which is 1 if S is correct.
+    """Return the normalised innovation squared, which is the mean of ε²/S and is 1 if S is correct.
 
-    Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001,
-    section 5.4.2.
+    See Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation,
+    2001, section 5.4.2.
 
     Parameters
     ----------
     innovations : ndarray (N, 2)
-        Innovations ε = y − ŷ, computed before the estimator uses y, and their variances S as the
-        estimator reports them; NaN where y is missing.
+        Innovations ε = y − ŷ, computed before the estimator uses y, and the variances S that the
+        estimator reports for them; NaN where y is missing.
 
     Returns
     -------
@@ -40,13 +40,14 @@ def nis(innovations: Array) -> float | None:
 def whiteness(innovations: Array, lags: int) -> float | None:
     """Return the Ljung-Box statistic of ε/√S, divided by its degrees of freedom.
 
-    For white innovations, the mean of the result is 1. For n values, of which n_l pairs are
-    l samples apart, the statistic is
+    For white innovations, the mean of the result is 1. If n values contain n_l pairs of values that
+    are l samples apart, the statistic is
 
     Q = (n + 2)/n Σ_l n_l r_l²,  r_l = (mean of the n_l products)/(mean square).
 
-    Without gaps, Q is n (n + 2) Σ_l ρ_l²/(n − l) of Ljung and Box, Biometrika 65, 1978, 297-303.
-    The mean is not subtracted, because an innovation with a nonzero mean is not white.
+    Without gaps, Q equals n (n + 2) Σ_l ρ_l²/(n − l) of Ljung and Box, Biometrika 65, 1978,
+    297-303. The function does not subtract the mean, because innovations with a nonzero mean are
+    not white.
 
     Parameters
     ----------
@@ -58,8 +59,8 @@ def whiteness(innovations: Array, lags: int) -> float | None:
     Returns
     -------
     float or None
-        Statistic, or None if the estimator reports no valid variance, or if no two valid
-        innovations are separated by one of the lags.
+        Statistic, or None if the estimator reports no valid variance, or if there is no pair of
+        valid innovations for one of the lags.
     """
     z = normalised(innovations)
     defined = ~np.isnan(z)
@@ -83,7 +84,7 @@ def normalised(innovations: Array) -> Array:
 
 
 def nees(error: Array, covariance: Any) -> float | None:
-    """Return the normalised squared error θ̃ᵀ Σ⁻¹ θ̃.
+    """Return the normalised estimation error squared (NEES), which is θ̃ᵀ Σ⁻¹ θ̃.
 
     If Σ is correct, the result has a χ² distribution with p degrees of freedom and mean p.
 
@@ -110,14 +111,14 @@ def nees(error: Array, covariance: Any) -> float | None:
 
 
 def nis_of(track: Track, i: int) -> float | None:
-    """Return the mean of ε²/S over the samples from which std is computed."""
+    """Return the mean of ε²/S over the samples before the fault, as for the score `std`."""
     del i
     innovations = _quiet(track)
     return None if innovations is None else track.once("nis", lambda: nis(innovations))
 
 
 def whiteness_of(track: Track, i: int) -> float | None:
-    """Return the whiteness of the innovations over the samples from which std is computed."""
+    """Return the whiteness of the innovations before the fault, as for the score `std`."""
     del i
     innovations, lags = _quiet(track), round(MEMORY / track.scenario.period)
     return (
@@ -140,7 +141,7 @@ def _quiet(track: Track) -> Array | None:
 
 
 def nees_of(track: Track, i: int) -> float | None:
-    """Return θ̃ᵀ Σ⁻¹ θ̃ before the first fault, with the covariance that the estimator reports."""
+    """Return θ̃ᵀ Σ⁻¹ θ̃ before the first fault, where Σ is the covariance from the estimator."""
     del i
     last = claimed_at(track.scenario)
     return track.once("nees", lambda: nees(track.theta[last] - track.truth[last], track.claimed))

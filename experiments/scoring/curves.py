@@ -1,7 +1,7 @@
-"""Trajectories for figures: one run in detail, and the runs of an estimator as a table.
+"""Provide trajectories of estimates for figures of single runs and of all runs of an estimator.
 
-Only every tenth sample of a run is kept, except around the first fault. There, every sample is
-kept, because estimates change fast after a fault.
+A trajectory contains every tenth sample of a run. Around the first fault, it contains every sample,
+because estimates change fast after a fault.
 """
 
 from collections.abc import Mapping
@@ -31,19 +31,19 @@ def near_fault(scenario: Scenario) -> slice:
 
 
 def after(scenario: Scenario) -> int:
-    """Return the number of consecutive samples that are kept from the fault on."""
+    """Return the number of consecutive samples that a trajectory contains from the fault on."""
     return round(AFTER / scenario.period) + 1
 
 
 def later(drawn: Scenario, written: Scenario) -> int:
-    """Return how many samples later the first fault occurs in a run than in the scenario file."""
+    """Return the number of samples by which a run's first fault is later than in the scenario."""
     if not (drawn.events() and written.events()):
         return 0
     return drawn.events()[0].index - written.events()[0].index
 
 
 def shifted(values: Array, late: int) -> Array:
-    """Return values (N, …) shifted to an earlier time by `late` samples; end values are repeated.
+    """Shift values (N, …) to an earlier time by `late` samples, and repeat the end values.
 
     Examples
     --------
@@ -58,8 +58,8 @@ def shifted(values: Array, late: int) -> Array:
 def estimates(traces: Mapping[int, Any], scenario: Scenario, parameter: str) -> pd.DataFrame:
     """Return estimates divided by nominal, with one row per time [s] and one column per seed.
 
-    The table contains every sample around the first fault; elsewhere, it contains one sample in
-    every `CURVE_STEP`.
+    The table contains every sample around the first fault. Elsewhere, the table contains one of
+    every `CURVE_STEP` samples.
     """
     times = np.r_[scenario.times[::CURVE_STEP], scenario.times[near_fault(scenario)]]
     runs = {seed: np.r_[trace.curve, trace.near][:, trace.names.index(parameter)]

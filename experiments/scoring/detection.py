@@ -1,4 +1,4 @@
-"""Detection scores: alarms, delays, and whether the alarms name the right parameters."""
+"""Score the detection of faults: alarms, delays, and whether alarms name the right parameters."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -14,13 +14,13 @@ ALARMS = {
     "alarms": "", "false_alarms": "", "false_alarms_per_1000_s": "1/(1000 s)", "calm": "s",
     "delay": "s", "faults": "", "missed": "", "isolated": "",
 }  # fmt: skip
-"""Keys of the result of `detection`, with units."""
+"""Units of the detection scores, keyed by name."""
 
 
 def detection(
     scenario: Scenario, names: Sequence[str], findings: Sequence[Any] | None
 ) -> dict[str, Any] | None:
-    """Score the findings of an estimator, or return None if the estimator has no `findings`.
+    """Score the changes that an estimator reports; return None if it has no `findings`.
 
     Parameters
     ----------
@@ -29,17 +29,17 @@ def detection(
     names : sequence of str
         Names of the estimated parameters.
     findings : sequence, optional
-        Changes that the estimator reports, each with attributes ``alarm`` (sample of the alarm) and
-        ``parameters`` (names of the parameters that changed).
+        Findings, which are the changes that the estimator reports. Each finding has the attributes
+        ``alarm`` (sample of the alarm) and ``parameters`` (names of the parameters that changed).
 
     Returns
     -------
     dict or None
-        ``alarms`` is the number of findings. ``false_alarms`` counts the findings outside the
-        windows of all faults; ``calm`` is the time outside these windows [s], and
-        ``false_alarms_per_1000_s`` is the false alarm rate in that time. ``delay`` is the mean time
-        from a detected fault to the first finding in its window [s]. ``faults`` is the number of
-        faults, and ``missed`` is the number of faults without a finding in their window.
+        ``alarms`` is the number of findings. ``false_alarms`` is the number of findings outside the
+        windows of all faults. ``calm`` is the time outside these windows [s], and
+        ``false_alarms_per_1000_s`` is the rate of false alarms in this time. ``delay`` is the mean
+        time from a detected fault to the first finding in its window [s]. ``faults`` is the number
+        of faults, and ``missed`` is the number of faults without a finding in their window.
         ``isolated`` is the share of detected faults for which the first finding names exactly the
         parameters that changed.
     """
@@ -73,7 +73,7 @@ def detection(
 def _firsts(
     scenario: Scenario, names: Sequence[str], findings: Sequence[Any]
 ) -> list[tuple[Window, Any]]:
-    """Return each window with the first finding in that window, or None without such a finding."""
+    """Return pairs of a window and the first finding in this window, or None without a finding."""
     return [(w, next((f for f in findings if w.start <= f.alarm < w.stop), None))
             for w in windows(scenario, names)]  # fmt: skip
 
@@ -91,10 +91,10 @@ def isolation(
     Returns
     -------
     list of dict, or None
-        One dict per fault. ``fault`` is the parameter that changed, and ``named`` lists the
-        physical parameters that the first finding in the window names. ``named`` is [] if the
-        finding is a change that no parameter explains, and None if the fault is missed. The result
-        is None if the estimator has no `findings`.
+        One dict per fault. ``fault`` is the parameter that changed. ``named`` is the list of
+        physical parameters that the first finding in the window names. The list is empty if no
+        parameter explains the finding. ``named`` is None if the estimator misses the fault. The
+        result is None if the estimator has no `findings`.
     """
     if findings is None:
         return None
@@ -117,6 +117,6 @@ def detection_of(track: Track, i: int) -> dict[str, Any] | None:
 
 
 def isolation_of(track: Track, i: int) -> list[dict[str, Any]] | None:
-    """Return the parameters that the estimator names for each fault (the same for all rows)."""
+    """Return the parameters that the estimator names for each fault, the same for every i."""
     del i
     return track.once("isolation", lambda: isolation(track.scenario, track.names, track.findings))

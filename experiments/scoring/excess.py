@@ -1,4 +1,4 @@
-"""Excess prediction error: the part of the residual that is due to parameter errors."""
+"""Compute the excess prediction error, the part of the residual due to parameter errors."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,19 +15,19 @@ from flexaxis.sim.scenario import Scenario
 
 Array = NDArray[np.float64]
 
-STEADY = 20.0  # s at the end of the nominal run, in which ψψᵀ is averaged
+STEADY = 20.0  # time at the end of the nominal run over which ψψᵀ is averaged [s]
 
 
 @remembered()
 def information(scenario: Scenario) -> Array | None:
     """Return the matrix M (p, p) of the excess error θ̃ᵀMθ̃, for θ̃ in % of nominal.
 
-    M is E ψψᵀ/σ² for the parameters in the scenario's `identify`, scaled to % of nominal. The
-    expectation is computed in steady state, for the scenario's reference and nominal parameters.
     The excess error is the increase of the prediction error due to a small error of θ̂, divided by
     the noise variance. The excess error depends neither on units nor on the choice of parameters.
+    M is E ψψᵀ/σ² for the parameters in the scenario's `identify`, scaled to % of nominal. The
+    expectation applies to the steady state with the scenario's reference and nominal parameters.
     The model is linear, so rows and columns for parameters of nonlinear laws are zero. The result
-    is None without noise, or if `identify` contains only parameters of laws.
+    is None if there is no noise, or if `identify` contains only parameters of laws.
     """
     variance = noise_variance(scenario)
     if reads_encoder(scenario):  # predictors read the increments of an angle
@@ -46,7 +46,7 @@ def information(scenario: Scenario) -> Array | None:
 
 
 def excess_of(track: Track, i: int) -> float | None:
-    """Return the mean of θ̃ᵀQθ̃/σ² before the fault, the same for all parameters of a case."""
+    """Return the mean excess error θ̃ᵀMθ̃ before the fault, the same for all parameters."""
     del i
     return track.once("excess", lambda: _excess(track) if track.quiet.size else None)
 

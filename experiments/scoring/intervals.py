@@ -1,10 +1,10 @@
-"""Intervals over seeds, and tests of paired runs.
+"""Compute confidence intervals over seeds, and test differences between paired runs.
 
 All intervals have a confidence level of 95 %. With fewer than five seeds, an interval is None,
-because the spread cannot be estimated well enough. Only runs with different seeds are independent:
-runs with the same seed at several points of a sweep have the same noise, so these runs are combined
-before an interval is computed (`by_seed`). `tests/experiments/test_intervals.py` measures the
-coverage.
+because the spread cannot be estimated well enough. Only runs with different seeds are independent.
+Runs with the same seed at several points of a sweep have the same noise, so `by_seed` combines
+these runs before an interval is computed. The tests in `tests/experiments/test_intervals.py`
+measure the coverage of the intervals.
 """
 
 from collections.abc import Callable
@@ -24,11 +24,11 @@ LEAST = 5  # smallest number of values for an interval
 NEVER = 1e12  # number that represents infinity
 MISS = 0.05  # probability that an interval does not contain the true value
 FLOOR = 1e-6
-"""Smallest value of which a logarithm is computed [s or %]; the std of an estimator can be 0."""
+"""Lower limit of values before a logarithm is computed [s or %], because a std can be 0."""
 
 
 def t_interval(values: ArrayLike) -> Interval | None:
-    """Return Student's t interval of the mean of values (n,)."""
+    """Return Student's t interval for the mean of values (n,)."""
     x = np.asarray(values, float)
     if len(x) < LEAST or not np.isfinite(x).all():
         return None
@@ -37,11 +37,11 @@ def t_interval(values: ArrayLike) -> Interval | None:
 
 
 def mean_interval(values: ArrayLike) -> Interval | None:
-    """Return an interval of the mean of values (n,) that allows for a skewed distribution.
+    """Return an interval for the mean of values (n,) from a possibly skewed distribution.
 
     Hall's transformation of Student's t corrects for skewness (P. Hall, J. R. Statist. Soc. B 54,
-    1992, 221–228). Squared errors are skewed, and a t interval without this correction would miss
-    their mean mostly on one side.
+    1992, 221–228). Squared errors are skewed. Without the correction, a t interval would miss their
+    mean mostly on one side.
     """
     x = np.asarray(values, float)
     within = t_interval(x)
@@ -53,23 +53,23 @@ def mean_interval(values: ArrayLike) -> Interval | None:
 
 
 def by_seed(values: ArrayLike, seeds: Labels, points: Labels) -> Array:
-    """Return one value per seed (m,), to compute the mean of all values with its standard error.
+    """Combine the values of each seed into one value (m,), for a standard error of the mean.
 
-    The mean of the result is the mean x̄ of the n values, and the standard error follows from the
-    scatter of the result. If the runs of a seed deviate by d_i from the means of their points, the
-    result for this seed is x̄ + m/n Σ d_i (the variance of clusters, W. G. Cochran, *Sampling
-    Techniques*, 3rd ed., chapters 5 and 9). Differences between points are not random and do not
-    increase the scatter. If all points have the same seeds, the result for a seed is the mean of
-    its values at all points. If any point has a single run, differences between points are treated
-    as random.
+    The mean of the result is the mean x̄ of the n values. The scatter of the result gives the
+    standard error of this mean. If the runs of a seed deviate by d_i from the means of their sweep
+    points, the result for this seed is x̄ + m/n Σ d_i (the variance of clusters, W. G. Cochran,
+    *Sampling Techniques*, 3rd ed., chapters 5 and 9). Differences between points are not random and
+    do not increase the scatter. If all points have the same seeds, the result for a seed is the
+    mean of its values at all points. If any point has a single run, the function treats differences
+    between points as random.
 
     Parameters
     ----------
     values : (n,) array_like
         Value of each run.
     seeds, points : (n,) array_like or None
-        Seed of each run, and number of the point to which the run belongs. Without seeds, each
-        value has a seed of its own; without points, all values belong to one point.
+        Seed of each run, and index of the sweep point of the run. If `seeds` is None, each value
+        has a different seed. If `points` is None, all values belong to one point.
     """
     x = np.asarray(values, float)
     seed, point, runs = _labels(seeds, points, len(x))
@@ -97,13 +97,13 @@ def _labels(seeds: Labels, points: Labels, n: int) -> tuple[Index, Index, Index]
 def median_interval(
     values: ArrayLike, seeds: Labels = None, points: Labels = None
 ) -> list[float | None] | None:
-    """Return the interval of the median, computed from order statistics; an infinite end is None.
+    """Return an interval for the median from order statistics; an infinite end is None.
 
-    The ranks of the ends are (m + 1)/2 ± 1.96 √m/2 in the normal approximation, with linear
-    interpolation between neighbouring values (J. Nyblom, Comput. Stat. Data Anal. 13, 1992, 33–42).
-    If a seed has several runs, m is the effective sample size: the number of independent values for
-    which the share below the median would have the same uncertainty (L. Kish, *Survey Sampling*,
-    1965, section 8.2).
+    The ranks of the ends are (m + 1)/2 ± 1.96 √m/2 in the normal approximation. The ends are
+    interpolated linearly between neighbouring values (J. Nyblom, Comput. Stat. Data Anal. 13, 1992,
+    33–42). If a seed has several runs, m is the effective sample size, that is, the number of
+    independent values that would give the share below the median the same uncertainty (L. Kish,
+    *Survey Sampling*, 1965, section 8.2).
 
     Parameters
     ----------
@@ -118,19 +118,19 @@ def median_interval(
         return None
     m = np.clip(0.25 * (len(share) - 1) / max(1e-9, share.var()), len(share), n)
     rank = 0.5 - stats.norm.isf(MISS / 2) / (2 * np.sqrt(m))
-    if rank < 0.5 / m:  # no interval between fewer than six values can have a coverage of 95 %
+    if rank < 0.5 / m:  # the interval between fewer than six values has a coverage below 95 %
         return None
     ends = np.quantile(x, [rank, 1 - rank], method="hazen")
     return [float(end) if end < FLOOR * NEVER else None for end in ends]
 
 
 def rate_interval(counts: ArrayLike, exposure: float, seeds: ArrayLike) -> Interval:
-    """Return the interval of the rate of events per unit of exposure.
+    """Return an interval for the rate of events per unit of exposure.
 
     The interval is exact for a Poisson process (F. Garwood, Biometrika 28, 1936, 437–442). If no
-    event occurred, the upper end is the one-sided limit, 3.0 divided by the exposure. If events
-    occur in clusters, the interval is widened according to the variance of the counts per seed,
-    divided by their mean.
+    event occurred, the upper end is the one-sided limit, which is 3.0 divided by the exposure. If
+    events occur in clusters, the interval becomes wider. The increase depends on the variance of
+    the counts per seed, divided by the mean of these counts.
 
     Parameters
     ----------
@@ -154,13 +154,14 @@ def rate_interval(counts: ArrayLike, exposure: float, seeds: ArrayLike) -> Inter
 def spread_interval(
     std: ArrayLike, bias: ArrayLike, seeds: Labels = None, points: Labels = None
 ) -> Interval | None:
-    """Return the interval of the standard deviation over time and runs (`pooling.spread`).
+    """Return an interval for the standard deviation over time and runs (`pooling.spread`).
 
     The variance is the sum of three variances: within the runs, between the runs of a point, and
-    between points. The first variance has Cox's interval for the mean of lognormal values. The
-    second has the χ² interval of a normal variance, with the degrees of freedom from `_freedom`.
-    The third has the interval of Student's t. The three intervals are combined using the method of
-    variance estimates recovery (G. Y. Zou and A. Donner, Stat. Methods Med. Res. 17, 2008, 1–10).
+    between points. The interval for the first variance is Cox's interval for the mean of lognormal
+    values. The interval for the second is the χ² interval of a normal variance, with the degrees of
+    freedom from `_freedom`. The interval for the third is Student's t interval. The method of
+    variance estimates recovery combines the three intervals (G. Y. Zou and A. Donner, Stat. Methods
+    Med. Res. 17, 2008, 1–10).
 
     Parameters
     ----------
@@ -193,9 +194,9 @@ def _freedom(apart: Array, seed: Index, point: Index) -> float:
     """Return the degrees of freedom of the mean squared deviation of runs from their points' means.
 
     Satterthwaite's formula is (m − 1)(tr C)²/tr C², where C is the covariance between the points,
-    estimated from m seeds. The result is m − 1 if all points have the same noise, and m − 1 times
-    the number of points if their noise is independent. The bias of tr C² due to the finite number
-    of seeds is subtracted.
+    estimated from m seeds. The result is m − 1 if all points have the same noise. The result is
+    m − 1 times the number of points if the noise of the points is independent. The function
+    subtracts the bias of tr C² due to the finite number of seeds.
     """
     table = np.zeros((seed.max() + 1, point.max() + 1))
     table[seed, point] = apart
@@ -209,7 +210,7 @@ def _freedom(apart: Array, seed: Index, point: Index) -> float:
 
 def _cox(values: Array) -> Any:
     """Return Cox's interval for the mean of lognormal values (n,)."""
-    if values.min() <= FLOOR * values.mean():  # a run without scatter: the values are not lognormal
+    if values.min() <= FLOOR * values.mean():  # with a run without scatter, they are not lognormal
         return mean_interval(values)
     logs, n = np.log(values), len(values)
     v = logs.var(ddof=1)
@@ -220,15 +221,15 @@ def _cox(values: Array) -> Any:
 def pseudo_values(statistic: Callable[[Any], float], n: int) -> Array:
     """Return the jackknife pseudo-values (n,) of a statistic of n runs.
 
-    The mean of the pseudo-values is the statistic, corrected for bias, and the standard error of
-    the statistic follows from their scatter, even if the statistic combines several quantities of
-    the same runs. The pseudo-values of two statistics of the same runs are paired (J. W. Tukey,
-    Ann. Math. Statist. 29, 1958, 614).
+    The mean of the pseudo-values is the statistic, corrected for bias. The scatter of the
+    pseudo-values gives the standard error of the statistic, even if the statistic combines several
+    quantities of the same runs. The pseudo-values of two statistics of the same runs are paired (J.
+    W. Tukey, Ann. Math. Statist. 29, 1958, 614).
 
     Parameters
     ----------
     statistic : callable
-        ``statistic(indices)`` computes the statistic of the runs with these indices.
+        Function that takes the indices of some runs and returns the statistic of these runs.
     n : int
         Number of runs. For a single run, the pseudo-value is the statistic itself.
     """
@@ -240,7 +241,7 @@ def pseudo_values(statistic: Callable[[Any], float], n: int) -> Array:
 
 
 def _constant(values: Array) -> bool:
-    """Return whether the values differ by rounding errors only."""
+    """Return whether the values differ only by rounding errors."""
     return bool(np.ptp(values) <= 1e-12 * max(1e-300, float(np.abs(values).max())))
 
 
@@ -249,11 +250,11 @@ def _t(n: int) -> float:
 
 
 def sign_p(more: int, less: int) -> float:
-    """Return the one-sided p-value of McNemar's exact test.
+    """Return the one-sided p-value of McNemar's exact test for two paired estimators.
 
-    The result is the probability of at least `more` heads in more + less tosses of a coin. Runs
-    with the same outcome on both sides do not count. If neither side is better, each side loses
-    each of the other runs with probability ½.
+    The result is the probability of at least `more` heads in more + less tosses of a fair coin.
+    Runs with the same outcome for both estimators do not count. If neither estimator is better,
+    each remaining run is lost by either one with probability ½.
 
     Examples
     --------
@@ -266,9 +267,9 @@ def sign_p(more: int, less: int) -> float:
 def holm_levels(p: ArrayLike, alpha: float) -> Array:
     """Return the significance level of each test by Holm's step-down procedure.
 
-    A hypothesis is rejected if its p-value is at most the level of its test; an interval at this
-    level excludes zero in exactly the same cases. The probability of any wrong rejection is at most
-    `alpha`, even if the tests are dependent.
+    The procedure rejects a hypothesis if the p-value is at most the level of the test. In exactly
+    these cases, an interval at this level excludes zero. The probability of any wrong rejection is
+    at most `alpha`, even if the tests are dependent.
 
     Parameters
     ----------
@@ -280,8 +281,8 @@ def holm_levels(p: ArrayLike, alpha: float) -> Array:
     Returns
     -------
     ndarray (m,)
-        Level of each test: alpha/m for the smallest p, alpha/(m − 1) for the next, and so on. After
-        the first hypothesis that is not rejected, the level is the same for all further tests.
+        Level of each test: alpha/m for the smallest p-value, alpha/(m − 1) for the next p-value,
+        and so on. After the first hypothesis that is not rejected, the level does not change.
 
     Examples
     --------
@@ -299,12 +300,12 @@ def holm_levels(p: ArrayLike, alpha: float) -> Array:
 
 
 def difference(first: ArrayLike, second: ArrayLike) -> tuple[int, float, float]:
-    """Return the number and mean of the differences first − second, and p of a paired t test.
+    """Return number and mean of the differences first − second, and the p-value of a paired t test.
 
     Parameters
     ----------
     first, second : array_like (n,) of float or None
-        Values of a score for the same seeds; None or NaN where the score is undefined.
+        Values of a score for the same seeds. Undefined values are None or NaN.
     """
     d = np.array(first, float) - np.array(second, float)
     d = d[~np.isnan(d)]

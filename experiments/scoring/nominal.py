@@ -1,4 +1,7 @@
-"""Torque of the nominal axis during a scenario's reference motion, without faults or noise."""
+"""Compute the torque of the nominal axis during a scenario's reference motion.
+
+The nominal axis has no faults and no noise.
+"""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -28,7 +31,7 @@ _RUN: ContextVar[Torque] = ContextVar("run", default=_simulated)
 
 @contextmanager
 def nominal_runs(torque: Torque) -> Iterator[None]:
-    """Use another function than the simulation within a context, such as one that reads records."""
+    """Replace the simulation of nominal runs within a context, for example by cached records."""
     before = _RUN.set(torque)
     try:
         yield
@@ -49,7 +52,7 @@ def nominal_torque(scenario: Scenario) -> Array:
             "start": 1.0,
             "known": None,
             "noise": {},
-            "streams": "content",  # the same for all points of a sweep over faults
+            "streams": "content",  # all points of a sweep over faults share the same torque
         }
         | ({"excitation.pause": []} if hasattr(scenario.excitation, "pause") else {})
     )
@@ -59,11 +62,11 @@ def nominal_torque(scenario: Scenario) -> Array:
 @remembered()
 def design_torque(scenario: Scenario) -> Array:
     """
-    Return the torque (8000,) [N m] during 40 s of reference motion, using design values.
+    Return the torque (8000,) [N m] during 40 s of reference motion, with design values.
 
-    The design values are the nominal values that an estimator receives. The simulation includes no
-    nonlinear effects, because estimators do not know these effects. For an axis at standstill, the
-    reference is the default multisine.
+    The design values are the nominal values that an estimator receives. The simulation contains no
+    nonlinear effects, because estimators do not know these effects. If the scenario is a
+    standstill, the reference is the default multisine.
     """
     told = started_nominal(scenario.override({"start": 1.0}))
     linear: dict[str, Any] = {key: None for key in scenario.nonlinear}

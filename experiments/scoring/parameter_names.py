@@ -1,4 +1,4 @@
-"""The meaning of θ: how estimated names map to physical parameters and models."""
+"""Map the names of estimated parameters θ to physical parameters and models."""
 
 from collections.abc import Mapping, Sequence
 
@@ -13,7 +13,7 @@ from flexaxis.sim.scenario import Scenario
 
 
 def physical(name: str) -> tuple[str, int]:
-    """Return the physical parameter and exponent for an estimated name: "1/J_a" → J_a, −1."""
+    """Return the physical parameter and the exponent of an estimated name: J_a, −1 for "1/J_a"."""
     return (name[2:], -1) if name.startswith("1/") else (name, 1)
 
 
@@ -24,7 +24,8 @@ def true_theta(
 ) -> NDArray[np.float64]:
     """Return the true values (…, p) of estimated parameters from physical parameters (…, P).
 
-    `columns` lists the names of the physical parameters (default: those of the paper's axis).
+    The argument `columns` lists the names of the physical parameters. By default, these are the
+    parameters of the paper's axis.
     """
     powers = [physical(name) for name in names]
     return np.stack([parameters[..., columns.index(p)] ** float(e) for p, e in powers], axis=-1)
@@ -41,16 +42,17 @@ def theta_over_time(scenario: Scenario, names: Sequence[str]) -> NDArray[np.floa
 
 
 def known_names(scenario: Scenario, names: Sequence[str]) -> tuple[str, ...]:
-    """Return the estimated parameters that have a nonzero initial value, to scale the errors."""
+    """Return the estimated parameters whose initial value is not zero, so that it scales errors."""
     return tuple(name for name in names if scenario.initial.get(physical(name)[0]))
 
 
 def started_nominal(scenario: Scenario) -> dict[str, float]:
     """Return the nominal values that an estimator receives.
 
-    Identified parameters are multiplied by the factor `start`, and others by the factors in
-    `known`; data-sheet values are included. Estimators do not know which friction laws act, so a
-    parameter of a law is included only if `known` names this parameter.
+    The nominal values are the true initial values, times the factor `start` for identified
+    parameters and times the factors in `known` for other parameters. The result also contains
+    data-sheet values. Estimators do not know which friction laws act. Therefore the result contains
+    a parameter of a law only if `known` contains this parameter.
     """
     values = scenario.nominal.as_dict()
     for parameter, factor in scenario.known_factors.items():
@@ -63,7 +65,7 @@ def started_nominal(scenario: Scenario) -> dict[str, float]:
 
 
 def started_theta(scenario: Scenario, names: Sequence[str]) -> NDArray[np.float64]:
-    """Return θ(0) (p,) of an estimator that starts at the nominal values it receives.
+    """Return the initial estimates θ(0) (p,) of an estimator that starts at its nominal values.
 
     A law parameter without a nominal value starts at its true value.
     """
@@ -85,13 +87,13 @@ def check_model(scenario: Scenario) -> None:
     if not has_model(scenario):
         raise ScenarioError(
             f"{scenario.name}: estimators have no model {scenario.model} with the parameters "
-            f"{', '.join(scenario.nominal)}, so nothing can be estimated and no bound computed. "
+            f"{', '.join(scenario.nominal)}. Estimates and bounds need such a model. "
             "Add the model to estimators/models/axes.py (see docs/extending.md). `flexaxis "
             "simulate` works without it"
         )
 
 
 def axis_model(scenario: Scenario, values: Mapping[str, float]) -> Model:
-    """Return the estimators' linear model of a plant, or raise the error of `check_model`."""
+    """Return the estimators' linear model of a plant; raise an error if there is no such model."""
     check_model(scenario)
     return MODELS[scenario.model].factory(values)

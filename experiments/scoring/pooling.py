@@ -1,11 +1,11 @@
-"""Pool the rows of many seeds into one number with an interval; one function per kind of score.
+"""Pool a score over many seeds into one number with an interval.
 
-Each function takes a name of a score, and the columns for one parameter of one estimator on one
-scenario, and returns entries of the pooled row. A column is an array with one number per run, in
-the order of the seeds; NaN means undefined, 1 and 0 mean true and false. ``seed`` and ``point`` are
-also columns, because only runs with different seeds are independent
-(`flexaxis.experiments.scoring.intervals`). Diverged runs count in all scores except consistency,
-because they report no covariance.
+There is one function for each kind of score. A function takes the columns for one parameter of one
+estimator on one scenario, and the name of a score. It returns entries of the pooled row. A column
+is an array with one number per run, in the order of the seeds. NaN means undefined, 1 means true,
+and 0 means false. The columns include ``seed`` and ``point``, because only runs with different
+seeds are independent (`flexaxis.experiments.scoring.intervals`). All scores except consistency
+include diverged runs, because these runs report no covariance.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -38,7 +38,7 @@ def values(columns: Columns, name: str) -> Array:
 
 
 def by(statistic: Callable[[Array], float]) -> Pool:
-    """Return a function that pools with a statistic of the defined values, as in ``by(np.max)``."""
+    """Return a function that pools a score with a statistic of its values, as in ``by(np.max)``."""
 
     def pooled(columns: Columns, name: str) -> Pooled:
         x = values(columns, name)
@@ -53,7 +53,7 @@ def _drawn(columns: Columns, where: NDArray[np.bool_]) -> tuple[Array, Array]:
 
 
 def _through(of: Callable[[Array], Array], back: Callable[[Any], Any], within: Any) -> Pool:
-    """Return a function that pools a score by averaging transformed values.
+    """Return a function that pools a score with the mean of transformed values.
 
     Parameters
     ----------
@@ -75,17 +75,17 @@ def _through(of: Callable[[Array], Array], back: Callable[[Any], Any], within: A
 
 
 geometric = _through(lambda x: np.log(np.maximum(x, FLOOR)), np.exp, t_interval)
-"""Pool by computing the geometric mean, because ratios are used to compare estimators."""
+"""Pool a score with the geometric mean, because comparisons of estimators use ratios."""
 
 mean = _through(np.asarray, np.asarray, mean_interval)
-"""Pool by computing the mean."""
+"""Pool a score with the mean."""
 
 root_mean_square = _through(np.square, lambda x: np.sqrt(max(0.0, x)), mean_interval)
-"""Pool by computing the root of the mean square."""
+"""Pool a score with the root of the mean square."""
 
 
 def median(columns: Columns, name: str) -> Pooled:
-    """Pool by computing the median; the time of a run that never settles counts as infinite."""
+    """Pool a time with the median; the time of a run that never settles is infinite."""
     could = (columns["changed"] > 0) & ~np.isnan(columns["never_settled"])
     if not could.any():
         return {name: None, f"{name}_interval": None}
@@ -101,7 +101,7 @@ def count(columns: Columns, name: str) -> Pooled:
 
 
 def count_kept(columns: Columns, name: str) -> Pooled:
-    """Count the runs in which the score is true, without the runs that diverged."""
+    """Count the runs in which the score is true, excluding runs that diverged."""
     return {name: int(np.sum((columns[name] > 0) & ~(columns["diverged"] > 0)))}
 
 
@@ -130,7 +130,7 @@ def deviation(bias: str, lost: str) -> Pool:
 
 
 def parts(names: Iterable[str]) -> Pool:
-    """Return a function that pools a score with several parts by computing the mean of each."""
+    """Return a function that pools a score with several parts; each part has its own mean."""
 
     def pooled(columns: Columns, name: str) -> Pooled:
         each = {part: values(columns, f"{name}.{part}") for part in names}
@@ -141,11 +141,11 @@ def parts(names: Iterable[str]) -> Pool:
 
 
 def detections(names: Sequence[str]) -> Pool:
-    """Return a function that pools the detection scores by computing the mean of each part.
+    """Return a function that pools the detection scores; most parts are pooled with their mean.
 
-    ``missed`` is the share of faults without a finding; all faults of a failed run count as missed.
+    ``missed`` is the share of faults without a finding. All faults of a failed run count as missed.
     ``calm`` is the total time outside the windows of faults [s], in which every alarm is false.
-    ``false_alarms_interval`` is the interval of the number of false alarms per 1000 s.
+    ``false_alarms_interval`` is the interval for the number of false alarms per 1000 s.
     """
 
     def pooled(columns: Columns, name: str) -> Pooled:
@@ -170,16 +170,16 @@ def spread(std: ArrayLike, bias: ArrayLike, lost: Any = False) -> float:
     """Return the standard deviation over time and seeds around the common mean.
 
     The formula √(mean std² − (mean bias)²) subtracts the common mean of all runs. Subtracting the
-    mean of each run instead would remove variations slower than the window, and so favour slow
-    estimators. The estimates of a diverged run count as constant at a limit, so subtracting the
-    mean would remove their whole error; the mean of diverged runs is therefore not subtracted.
+    mean of each run instead would remove variations that are slower than the window, and so favour
+    slow estimators. The estimates of a diverged run count as constant at a limit. Subtracting their
+    mean would remove their whole error, so the mean of diverged runs is not subtracted.
 
     Parameters
     ----------
     std, bias : (n,) array_like
         Root mean square and mean of the error in each run.
     lost : (n,) array_like of bool, optional
-        True for each run that diverged before the end of the samples in question.
+        True for each run that diverged before the end of the evaluated samples.
     """
     square, whole = np.mean(np.square(std)), ~np.broadcast_to(lost, np.shape(std))
     constant = whole.mean() * np.mean(np.asarray(bias)[whole]) ** 2 if whole.any() else 0.0
@@ -189,14 +189,14 @@ def spread(std: ArrayLike, bias: ArrayLike, lost: Any = False) -> float:
 
 
 def excess(each: Array, lost: NDArray[np.bool_], biases: Array, information: Array) -> float:
-    """Return the mean excess error without the part due to the common bias of the runs.
+    """Return the mean excess error without the part that is due to the common bias of the runs.
 
     Parameters
     ----------
     each : ndarray (n,)
         Excess error of each run.
     lost : ndarray (n,) of bool
-        True for each run that diverged; the common bias is not subtracted from diverged runs.
+        True for each run that diverged. The common bias is not subtracted from these runs.
     biases : ndarray (n, p)
         Bias of each parameter in each run [% of nominal].
     information : ndarray (p, p)

@@ -1,4 +1,4 @@
-"""Share of the tracking error due to a fault that a controller avoids by using estimates."""
+"""Compute the share of a fault's tracking error that a controller avoids by using estimates."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -23,17 +23,17 @@ PARTS: Mapping[str, str] = {
 
 
 def recovered_of(track: Track, i: int) -> float | None:
-    """Return the share [%] of the tracking error that a controller avoids by using estimates."""
+    """Return the share [%] of the fault's tracking error that estimates avoid."""
     return recovered(track.tracking, "estimated")
 
 
 def recovered_told_of(track: Track, i: int) -> float | None:
-    """Return the share [%] of the tracking error that true parameters would avoid."""
+    """Return the share [%] of the fault's tracking error that true parameters avoid."""
     return recovered(track.tracking, "told")
 
 
 def recovered(tracking: Mapping[str, float] | None, loop: str) -> float | None:
-    """Return 100 (frozen − loop)/(frozen − without_fault), in terms of rms tracking errors.
+    """Return 100 (frozen − loop)/(frozen − without_fault), where the terms are rms tracking errors.
 
     The result is None if the fault increases the tracking error by less than `COSTS`.
 
@@ -71,19 +71,20 @@ def tracking(scenario: Scenario, seed: int, estimator: Any) -> Mapping[str, floa
     Parameters
     ----------
     scenario : Scenario
-        Scenario before the onset is drawn.
+        Scenario without a random onset.
     seed : int
-        Seed from which the onset and the noise are drawn.
+        Seed that determines the random onset and the noise.
     estimator : Estimator
-        Estimator in its initial state. The controller uses its estimates.
+        Estimator in its initial state, whose estimates the controller uses.
 
     Returns
     -------
     mapping of str to float, or None
-        ``frozen``, ``told`` and ``estimated`` are the rms tracking errors [rad] with the fault if
-        the controller uses nominal, true or estimated parameters. ``without_fault`` is the rms
-        tracking error without the fault [rad]. ``limited`` is the number of samples at which limits
-        acted on the estimates. The result is None without an adaptive feed-forward or a fault.
+        ``frozen``, ``told`` and ``estimated`` are the rms tracking errors with the fault if the
+        controller uses nominal, true and estimated parameters, respectively [rad].
+        ``without_fault`` is the rms tracking error without the fault [rad]. ``limited`` is the
+        number of samples at which limits acted on the estimates. The result is None if the scenario
+        has no adaptive feed-forward or no fault.
     """
     if scenario.controller.adapt is None or not scenario.fault:
         return None

@@ -1,7 +1,7 @@
-"""SCORES, the table of all scores: how each one is computed, pooled, named and displayed.
+"""Define all scores in the table SCORES: their computation, pooling, names and display.
 
-Rows, summaries, tables, reports, exports and `compare` use this table, so one new entry is enough
-to add a score.
+Rows, summaries, tables, reports, exports and the command `compare` use this table. One new entry is
+therefore enough to add a score.
 """
 
 from collections.abc import Callable, Mapping
@@ -37,13 +37,14 @@ class Score:
     words : str
         Description of the score.
     unit : str
-        Unit of the score; empty for a number without a unit, None for a score that is no number.
+        Unit of the score. The unit is empty for a number without a unit, and None for a score that
+        is not a number.
     better : {"less", "more"}, optional
-        Whether a smaller or a larger value is better; None if neither is.
+        Whether a smaller or a larger value is better; None if neither is better.
     pool : callable, optional
-        Function of `flexaxis.experiments.scoring.pooling`, such as ``pooling.mean`` or
-        ``pooling.by(np.max)``. ``pool(columns, name)`` returns the entries of the pooled row. None
-        for a score that is not pooled.
+        Function from `flexaxis.experiments.scoring.pooling`, such as ``pooling.mean`` or
+        ``pooling.by(np.max)``. ``pool(columns, name)`` returns the entries of the pooled row. The
+        value is None for a score that is not pooled.
     heading : str
         Heading of the column in the report; empty for a score that the report does not show.
     short : str
@@ -51,17 +52,17 @@ class Score:
     kind : {"number", "integer", "truth", "text"}
         Type of the values in the column.
     parts : mapping of str to str
-        Units of the parts, keyed by the name of the part, for a score that consists of several
-        numbers. Each part has its own column.
+        Units of the parts of a score that consists of several numbers, keyed by the name of the
+        part. Each part has its own column.
     margin : float, optional
-        Largest relative change that `compare` considers negligible. By default, `compare` leaves
-        out scores without a margin.
+        Largest relative change that `compare` considers negligible. By default, `compare` ignores
+        scores without a margin.
     zero : float
-        Lower limit of the values that `compare` uses [unit of the score]. Smaller values are
-        replaced by this limit before ratios are computed.
+        Lower limit of the values that `compare` uses [unit of the score]. Before `compare` computes
+        ratios, it replaces smaller values by this limit.
     guard : bool
-        Whether the score can be negative. For such a score, `compare` uses differences of absolute
-        means, divided by the noise, instead of ratios, and reports only an increase.
+        Whether the score can be negative. For such a score, `compare` uses differences between
+        absolute means, divided by the noise, instead of ratios. It reports only an increase.
     """
 
     name: str
@@ -80,18 +81,18 @@ class Score:
 
     @property
     def compared(self) -> bool:
-        """Whether `compare` can use the score, because smaller numbers are better or as a guard."""
+        """Whether `compare` can use the score (a guard, or a number for which less is better)."""
         return self.guard or (self.better == "less" and self.kind == "number")
 
 
 LIMITS = {
     "lag_null": "Lag of an estimator that never moves.",
     "lag_bound": "Lag at the Cramér–Rao bound, for an estimator that knows the time of the jump "
-    "and the state at the jump, but not the estimated parameters (nor dry friction) afterwards.",
+    "and the state at the jump, but neither the estimated parameters nor dry friction afterwards.",
     "lag_bound_single": "Lag at the Cramér–Rao bound, for an estimator that also knows which "
     "parameter changed and the values of all other parameters.",
-    "lag_bound_learnt": "Lag at the Cramér–Rao bound, for an estimator that must also learn, from "
-    "the data before the fault, the parameters for which it receives no exact value.",
+    "lag_bound_learnt": "Lag at the Cramér–Rao bound, for an estimator that must also learn some "
+    "parameters from the data before the fault, because it does not know their exact values.",
 }
 
 SCORES: Mapping[str, Score] = {
@@ -100,9 +101,9 @@ SCORES: Mapping[str, Score] = {
         Score(
             "lag",
             scores.lag_of,
-            "T Σ |θ̃|/D in the 5 s after the fault, or until the next event; D is the size of the "
+            "T Σ |θ̃|/D in the 5 s after the fault, or until the next event. D is the size of the "
             "fault. If the excitation is off at the fault, the window starts when the excitation "
-            "returns. Geometric mean over the runs.",
+            "returns. The pooled value is the geometric mean over the runs.",
             unit="s",
             better="less",
             pool=pooling.geometric,
@@ -115,8 +116,8 @@ SCORES: Mapping[str, Score] = {
             "t10",
             scores.t10_of,
             "Time after which the error stays within ±10 % of the size of the fault until the end "
-            "of the window. Median over the runs; a run that diverges or never settles counts as "
-            "infinite.",
+            "of the window. The pooled value is the median over the runs. A run that diverges or "
+            "never settles counts as infinite.",
             unit="s",
             better="less",
             pool=pooling.median,
@@ -127,8 +128,9 @@ SCORES: Mapping[str, Score] = {
         Score(
             "std",
             scores.std_of,
-            "Standard deviation of the error before the fault (last 5 s of excitation; last 10 s "
-            "without a fault), over time and runs, around their common mean.",
+            "Standard deviation of the error before the fault, over time and runs, around their "
+            "common mean. The samples are the last 5 s of excitation before the fault, or the last "
+            "10 s of a run without a fault.",
             unit="%",
             better="less",
             pool=pooling.deviation("bias", "lost_before"),
@@ -140,7 +142,7 @@ SCORES: Mapping[str, Score] = {
         Score(
             "bias",
             scores.bias_of,
-            "Mean error before the fault, in the same samples as for std, averaged over the runs.",
+            "Mean error before the fault over the same samples as for std, averaged over the runs.",
             unit="%",
             pool=pooling.mean,
             heading="bias",
@@ -151,8 +153,8 @@ SCORES: Mapping[str, Score] = {
             "std_after",
             scores.std_after_of,
             "Standard deviation of the error in the last 2 s of the window after the fault. This "
-            "score reveals estimators with estimates that hardly move, and so a low std before the "
-            "fault.",
+            "score reveals estimators that have a low std before the fault only because their "
+            "estimates hardly move.",
             unit="%",
             better="less",
             pool=pooling.deviation("bias_after", "lost_after"),
@@ -179,8 +181,9 @@ SCORES: Mapping[str, Score] = {
         Score(
             "excess",
             excess.excess_of,
-            "Increase of the prediction error due to the errors of all estimated parameters before "
-            "the fault, θ̃ᵀQθ̃/σ²: one number for all parameters, independent of their units.",
+            "Increase θ̃ᵀQθ̃/σ² of the prediction error due to the errors of all estimated "
+            "parameters before the fault. All parameters have the same value, which does not "
+            "depend on their units.",
             unit="",
             better="less",
             pool=pooling.mean,
@@ -191,8 +194,8 @@ SCORES: Mapping[str, Score] = {
             "diverged",
             lambda track, _: track.lost is not None,
             "Runs in which an estimate is not finite, or is outside 0.1 to 10 × nominal for more "
-            "than 1 s. From then on, the run is scored as if its estimates stayed at the farther "
-            "limit.",
+            "than 1 s. After a run diverges, it is scored as if its estimates stayed at the "
+            "farther limit.",
             better="less",
             pool=pooling.count,
             heading="diverged",
@@ -202,8 +205,8 @@ SCORES: Mapping[str, Score] = {
         Score(
             "failed",
             lambda track, _: track.failed,
-            "Runs in which the estimator raised an exception or its process died; they count as "
-            "diverged from the first sample on.",
+            "Runs in which the estimator raised an exception or its process died. These runs count "
+            "as diverged from the first sample on.",
             pool=pooling.count,
             heading="failed",
             kind="truth",
@@ -212,8 +215,7 @@ SCORES: Mapping[str, Score] = {
         Score(
             "lost_before",
             lambda track, _: track.lost_before,
-            "Whether the run diverged before the end of the interval from which std and bias are "
-            "computed.",
+            "Whether the run diverged before the end of the interval for std and bias.",
             kind="truth",
         ),
         Score(
@@ -225,8 +227,8 @@ SCORES: Mapping[str, Score] = {
         Score(
             "never_settled",
             scores.never_settled_of,
-            "Runs whose error is outside ±10 % of the size of the fault at the end of the window; "
-            "diverged runs are not counted.",
+            "Runs whose error is outside ±10 % of the size of the fault at the end of the window. "
+            "Diverged runs do not count.",
             better="less",
             pool=pooling.count_kept,
             heading="never settled",
@@ -251,8 +253,8 @@ SCORES: Mapping[str, Score] = {
         Score(
             "nees",
             consistency.nees_of,
-            "Normalised squared error before the fault, θ̃ᵀ Σ⁻¹ θ̃: on average the number of "
-            "estimated parameters if the reported covariance Σ is correct.",
+            "Normalised squared error θ̃ᵀ Σ⁻¹ θ̃ before the fault. If the reported covariance Σ is "
+            "correct, the mean is the number of estimated parameters.",
             unit="",
             pool=pooling.mean,
             heading="NEES",
@@ -260,8 +262,8 @@ SCORES: Mapping[str, Score] = {
         Score(
             "nis",
             consistency.nis_of,
-            "Normalised squared innovation before the fault: on average 1 if the variance that the "
-            "estimator reports is correct.",
+            "Normalised squared innovation before the fault. If the variance that the estimator "
+            "reports is correct, the mean is 1.",
             unit="",
             pool=pooling.mean,
             heading="NIS",
@@ -270,8 +272,8 @@ SCORES: Mapping[str, Score] = {
             "whiteness",
             consistency.whiteness_of,
             "Ljung–Box statistic of the innovations before the fault, divided by its degrees of "
-            "freedom: on average 1 for white innovations, larger if past innovations predict the "
-            "next one.",
+            "freedom. The mean is 1 for white innovations, and larger if past innovations predict "
+            "the next innovation.",
             unit="",
             pool=pooling.mean,
             heading="whiteness",
@@ -294,8 +296,8 @@ SCORES: Mapping[str, Score] = {
             recovered.recovered_of,
             "Share of the rms tracking error due to the fault that a controller avoids by using "
             "the estimates, in the window after the fault. The share is 0 for feed-forward with "
-            "nominal parameters and 100 for the same loop without the fault. It is undefined if "
-            "the fault raises the error by less than 20 %.",
+            "nominal parameters and 100 for the same loop without the fault. The share is "
+            "undefined if the fault increases the tracking error by less than 20 %.",
             unit="%",
             better="more",
             pool=pooling.mean,
@@ -304,14 +306,14 @@ SCORES: Mapping[str, Score] = {
         ),
         Score(
             "recovered_told", recovered.recovered_told_of,
-            "Share of the tracking error due to the fault that a controller with the true "
-            "parameters avoids.", unit="%", pool=pooling.mean,
+            "Share of the rms tracking error due to the fault that a controller avoids by using "
+            "the true parameters.", unit="%", pool=pooling.mean,
         ),
         Score(
             "tracking",
             lambda track, _: track.tracking,
-            "Tracking errors from which `recovered` is computed, and the number of samples where "
-            "limits acted on the parameters of the feed-forward.",
+            "Tracking errors for the score `recovered`, and the number of samples at which limits "
+            "acted on the parameters of the feed-forward.",
             pool=pooling.parts(recovered.PARTS),
             parts=recovered.PARTS,
         ),
@@ -322,11 +324,11 @@ METRICS = {score.name: score.unit or "" for score in SCORES.values() if score.co
 """Units of the scores that `compare` can use, keyed by score."""
 
 MARGINS = {score.name: score.margin for score in SCORES.values() if score.margin is not None}
-"""Largest negligible change (0.02 is 2 %) of each score that `compare` uses by default."""
+"""Largest negligible relative change of each score that `compare` uses by default."""
 
 
 def rows(track: Track) -> list[dict[str, Any]]:
-    """Return the scores of a case, with one row per parameter."""
+    """Return the scores of a case as a list of rows, one row per parameter."""
     return [
         {"parameter": name, "changed": bool(track.windows_of(i))}
         | {score.name: score.of(track, i) for score in SCORES.values()}
@@ -340,7 +342,7 @@ def undefined() -> dict[str, Any]:
 
 
 def columns() -> dict[str, Kind]:
-    """Return the kind of each column of scores, keyed by ``score`` or ``score.part``."""
+    """Return the kind of the values in each column, keyed by ``score`` or ``score.part``."""
     kinds: dict[str, Kind] = {}
     for score in SCORES.values():
         names = [f"{score.name}.{part}" for part in score.parts] or [score.name]
@@ -349,7 +351,7 @@ def columns() -> dict[str, Kind]:
 
 
 def units() -> dict[str, str]:
-    """Return the unit of each numeric column; the unit is empty for a number without a unit."""
+    """Return the unit of each numeric column; the unit of a dimensionless number is empty."""
     of_parts = {f"{s.name}.{part}": u for s in SCORES.values() for part, u in s.parts.items()}
     plain = {s.name: s.unit or "" for s in SCORES.values() if s.kind == "number" and not s.parts}
     return of_parts | plain

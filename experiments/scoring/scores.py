@@ -1,7 +1,7 @@
-"""Scores of one case, that is, of one estimator on one record.
+"""Compute the scores of one case, that is, of one estimator on one record.
 
-Errors θ̃ = θ̂ − θ_true are in per cent of nominal. After a fault, the errors of the parameter that
-changed are divided by the size of the fault, D = |θ_after − θ_before|. docs/scores.md defines all
+Errors θ̃ = θ̂ − θ_true are in per cent of nominal. After a fault, the errors of the changed parameter
+are divided by the size of the fault, D = |θ_after − θ_before|. The page docs/scores.md defines all
 scores.
 """
 
@@ -26,20 +26,21 @@ from flexaxis.sim.scenario import Scenario
 
 Array = NDArray[np.float64]
 
-AFTER = 2.0  # s at the end of a window, from which the std after the fault is computed
+AFTER = 2.0  # time at the end of a window for the std after the fault [s]
 
 
-AT_BOUND = 1.0  # s; a run whose estimate is at a limit for longer counts as diverged
+AT_BOUND = 1.0  # a run diverges if an estimate is at a limit for more than this time [s]
 BOX = (0.1, 10.0)  # limits of estimates relative to nominal, the same for all estimators
 EDGE = 1e-6  # relative distance from a limit within which an estimate counts as at the limit
 
 
 def box(nominal: Array, truth: Array) -> tuple[Array, Array]:
-    """Return the plausibility limits of estimates, 0.1 and 10 × nominal, each (p,).
+    """Return the lower and upper plausibility limits (p,) of estimates, 0.1 and 10 × nominal.
 
-    The limits are the same for every estimator, even if the estimator has bounds of its own. If the
-    true values (N, p) reach or exceed a limit, this limit is moved: the lower one to the smallest
-    true value minus nominal, the upper one to the largest true value plus 10 × nominal.
+    The limits are the same for every estimator, even if the estimator has its own bounds. If the
+    true values (N, p) reach or exceed a limit, the limit moves. The lower limit moves to the
+    smallest true value minus nominal. The upper limit moves to the largest true value plus
+    10 × nominal.
     """
     lower, upper = np.sort(np.outer(BOX, nominal), axis=0)
     low, high, room = truth.min(axis=0), truth.max(axis=0), abs(nominal)
@@ -48,10 +49,10 @@ def box(nominal: Array, truth: Array) -> tuple[Array, Array]:
 
 
 def loss(theta: Array, edges: tuple[Array, Array], period: float) -> int | None:
-    """Return the sample at which a run (N, p) diverges, or None.
+    """Return the index of the sample at which a run (N, p) diverges, or None if it does not.
 
     A run diverges if an estimate is not finite, or if an estimate is at or beyond a limit for more
-    than 1 s. The result is the first of these samples.
+    than 1 s. The result is the first sample of this condition.
     """
     lower, upper = edges
     room = EDGE * np.minimum(abs(lower), abs(upper))
@@ -67,7 +68,7 @@ def loss(theta: Array, edges: tuple[Array, Array], period: float) -> int | None:
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """Estimates of one estimator on one record, true values, and scoring windows.
+    """Estimates of one estimator on one record, with the true values and the scoring windows.
 
     Attributes
     ----------
@@ -82,15 +83,15 @@ class Track:
     torque : ndarray (N,), optional
         Torque of the record [N m], for the bounds.
     claimed : ndarray (p, p), optional
-        Covariance that the estimator reports before the first fault, at the sample `claimed_at`.
+        Covariance that the estimator reports before the first fault (see `claimed_at`).
     innovations : ndarray (N, 2), optional
-        Innovations y − ŷ, computed before the estimator uses y, and their variances as the
-        estimator reports them.
+        Innovations y − ŷ, computed before the estimator uses y, and the variances that the
+        estimator reports for them.
     findings : sequence, optional
         Changes that the estimator reports, each with attributes ``alarm`` (sample of the alarm) and
         ``parameters`` (names of the parameters that changed).
     failed : bool
-        Whether the estimator raised an exception or its process died; a failed estimator has no
+        Whether the estimator raised an exception or its process died. A failed estimator has no
         estimates.
     tracking : mapping, optional
         Tracking errors of a controller that uses the estimates, from `scoring.recovered.tracking`.
@@ -112,12 +113,12 @@ class Track:
 
     @cached_property
     def truth(self) -> Array:
-        """True θ (N, p)."""
+        """True values (N, p) of the estimated parameters."""
         return true_theta(self.names, self.true_parameters, self.scenario.parameter_names)
 
     @cached_property
     def nominal(self) -> Array:
-        """Nominal θ (p,)."""
+        """Nominal values (p,) of the estimated parameters."""
         return nominal_theta(self.scenario, self.names)
 
     @cached_property
@@ -127,11 +128,11 @@ class Track:
 
     @cached_property
     def lost(self) -> int | None:
-        """Sample at which the run diverges, or None.
+        """Index of the sample at which the run diverges, or None if the run does not diverge.
 
-        A parameter of a friction law has no lower limit, because an axis may lack this kind of
-        friction. A parameter of a law that is not in `identify` has no upper limit either, because
-        the plant may not have this law.
+        A parameter of a friction law has no lower limit, because an axis may not have this kind of
+        friction. If `identify` does not contain the parameter, it has no upper limit either,
+        because the plant may not have this law.
         """
         law = [name in LAW_NAMES for name in self.names]
         besides = [name in LAW_NAMES and name not in self.scenario.identify for name in self.names]
@@ -140,9 +141,9 @@ class Track:
         return loss(self._judged(law), edges, self.scenario.period)
 
     def _judged(self, law: Sequence[bool]) -> Array:
-        """Return θ (N, p), with true values for parameters of laws until the end of burn-in.
+        """Return the estimates (N, p), with true values of law parameters until the end of burn-in.
 
-        Estimators are not told initial values of these parameters, so any initial value is allowed.
+        Estimators do not receive initial values of law parameters, so any initial value is allowed.
         """
         if not any(law):
             return self.theta
@@ -151,10 +152,10 @@ class Track:
 
     @cached_property
     def error(self) -> Array:
-        """θ̃ (N, p) as scored: after a run diverges, θ̂ is replaced by the farther limit.
+        """Errors θ̃ (N, p) for the scores; after a run diverges, θ̂ is the farther limit.
 
-        Before that, errors are clipped to the distance of the same limit, so an estimator never
-        improves a score by diverging.
+        Before a run diverges, errors are clipped to the distance of the farther limit. Therefore an
+        estimator never improves a score by diverging.
         """
         lower, upper = self.box
         below, above = self.truth - lower, upper - self.truth
@@ -167,7 +168,7 @@ class Track:
 
     @cached_property
     def percent(self) -> Array:
-        """θ̃ (N, p) in per cent of nominal."""
+        """Errors θ̃ (N, p) in per cent of nominal."""
         return 100 * self.error / abs(self.nominal)
 
     @cached_property
@@ -177,7 +178,7 @@ class Track:
 
     @cached_property
     def quiet(self) -> NDArray[np.intp]:
-        """The samples from which std and bias are computed."""
+        """The indices of the samples for the scores std and bias."""
         return quiet(self.scenario)
 
     @property
@@ -191,7 +192,7 @@ class Track:
         return self.lost is not None and self.lost < last
 
     def once(self, name: str, made: Callable[[], Any]) -> Any:
-        """Return an intermediate result by name, computed on first use and cached afterwards."""
+        """Return an intermediate result by name; compute the result on first use and cache it."""
         if name not in self.memo:
             self.memo[name] = made()
         return self.memo[name]
@@ -201,14 +202,14 @@ class Track:
         return [w for w in self.windows if w.parameter == physical(self.names[i])[0]]
 
     def relative(self, i: int) -> list[Array]:
-        """Return θ̃/D in each window of the estimated parameter i."""
+        """Return the relative error θ̃/D in each window of the estimated parameter i."""
         return self.once(
             f"relative {i}",
             lambda: [self.error[w.start : w.stop, i] / w.D for w in self.windows_of(i)],
         )
 
     def ends(self, i: int) -> Array:
-        """Return θ̃ [%] in the last 2 s of all windows of parameter i that are longer than 2 s."""
+        """Return θ̃ [%] in the last 2 s of all windows of parameter i with more than 2 s."""
         length = round(AFTER / self.scenario.period)
         parts = [
             self.percent[w.stop - length : w.stop, i]
@@ -219,7 +220,7 @@ class Track:
 
 
 def failed_track(scenario: Scenario, true_parameters: Array, torque: Array | None = None) -> Track:
-    """Return the track of a failed case, which counts as diverged from its first sample on.
+    """Return the track of a failed case, which diverges at its first sample.
 
     The estimates in this track are NaN for each parameter of `identify`.
 
@@ -238,24 +239,24 @@ def failed_track(scenario: Scenario, true_parameters: Array, torque: Array | Non
 
 
 def lag(relative: Array, period: float) -> Any:
-    """Return the lag T Σ |θ̃|/D [s], summed along the first axis of θ̃/D (n, …)."""
+    """Return the lag T Σ |θ̃|/D [s], which is a sum along the first axis of θ̃/D (n, …)."""
     return period * np.abs(relative).sum(axis=0)
 
 
 def settling(relative: Array, level: float, period: float) -> float | None:
-    """Return the time [s] from which θ̃/D (n,) is within ±level to the end, or None without one."""
+    """Return the time [s] after which θ̃/D (n,) stays within ±level, or None if it does not."""
     outside = np.flatnonzero(~(np.abs(relative) <= level))  # NaN counts as outside
     settled = 0 if not outside.size else int(outside[-1]) + 1
     return None if settled == len(relative) else settled * period
 
 
 def rms(values: Array) -> Any:
-    """Return the root mean square along the first axis."""
+    """Return the root mean square of values along the first axis."""
     return np.sqrt(np.mean(np.square(values), axis=0))
 
 
 def finite(value: float) -> float | None:
-    """Return a number if it is finite, and None otherwise."""
+    """Return a number if the number is finite, and None otherwise."""
     return float(value) if np.isfinite(value) else None
 
 
@@ -271,8 +272,8 @@ def lag_of(track: Track, i: int) -> float | None:
 def t10_of(track: Track, i: int) -> float | None:
     """Return the mean time [s] after which θ̃ stays within ±0.1 D until the end of the window.
 
-    The result is None if the run diverges, if no window exists, or if θ̃ is outside at the end of
-    any window.
+    The result is None if the run diverges, if there is no window, or if θ̃ is outside ±0.1 D at the
+    end of any window.
     """
     times = [settling(part, 0.1, track.scenario.period) for part in track.relative(i)]
     if track.lost is not None or not times or None in times:

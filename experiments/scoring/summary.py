@@ -40,8 +40,8 @@ class Case:
     curve : ndarray (M, p)
         Every tenth estimate, divided by the nominal value.
     near : ndarray (W, p)
-        Every estimate around the first fault (`near_fault`), divided by the nominal value; empty
-        (0, p) without a fault.
+        Every estimate around the first fault (`near_fault`), divided by the nominal value. The
+        array is empty (0, p) if there is no fault.
     rows : list of dict
         Scores, one row for each parameter.
     theta : ndarray (N, p) or None
@@ -66,10 +66,10 @@ def scored(
     track : Track
         Estimates and true values of the run.
     identity, cost : mapping
-        Columns that each row contains in addition to the scores: `identity` before the scores, and
-        `cost` as the last column.
+        Columns that each row contains in addition to the scores. The columns of `identity` precede
+        the scores, and `cost` is the last column.
     written : Scenario, optional
-        Scenario before the onset is drawn. Curves of all runs are shifted to the onset of this
+        Scenario without a random onset. Curves of all runs are shifted to the onset of this
         scenario.
     """
     late = later(track.scenario, written or track.scenario)
@@ -101,8 +101,8 @@ def pool_rows(rows: Rows, scenario: Scenario) -> list[dict[str, Any]]:
     Returns
     -------
     list of dict
-        Rows of scores, pooled as `scoring.score_table.SCORES` defines; each row also contains the
-        number of `seeds` and the median `cost`.
+        Rows of scores that are pooled as in `scoring.score_table.SCORES`. Each row also contains
+        the number of `seeds` and the median `cost`.
     """
     by_name = dict(tuple(_flat(rows).groupby("parameter", sort=False)))
     columns = {name: columns_of(own) for name, own in by_name.items()}
@@ -116,15 +116,15 @@ def pool_rows(rows: Rows, scenario: Scenario) -> list[dict[str, Any]]:
 
 
 def _flat(rows: Rows) -> pd.DataFrame:
-    """Return a table sorted by seed; nested mappings in the rows become columns named ``a.b``."""
+    """Return rows as a table sorted by seed, in which columns of nested mappings are ``a.b``."""
     frame = rows if isinstance(rows, pd.DataFrame) else pd.json_normalize(list(rows))
     return frame.sort_values("seed", kind="stable") if "seed" in frame else frame
 
 
 def columns_of(rows: Rows) -> dict[str, Array]:
-    """Return the numbers in rows as columns, with NaN for None.
+    """Return the numbers in some rows as columns, in which None becomes NaN.
 
-    The columns for nested mappings are named ``a.b``.
+    Columns of nested mappings have names such as ``a.b``.
 
     Parameters
     ----------
@@ -145,12 +145,13 @@ def columns_of(rows: Rows) -> dict[str, Array]:
 def pool_columns(columns: pooling.Columns, names: Iterable[str] | None = None) -> dict[str, Any]:
     """Return the pooled scores of the rows of one parameter.
 
-    The excess error is left out, because it depends on all parameters of a case (see `excess`).
+    The result does not contain the excess error, which depends on all parameters of a case (see
+    `excess`).
 
     Parameters
     ----------
     columns : mapping of str to ndarray (n,)
-        Columns as in `flexaxis.experiments.scoring.pooling`; only columns for `names` are needed.
+        Columns for the functions in `flexaxis.experiments.scoring.pooling`.
     names : iterable of str, optional
         Scores to pool (default: all).
     """
@@ -170,15 +171,15 @@ def cost(columns: pooling.Columns) -> dict[str, Any]:
 
 
 def excess(by_name: Mapping[str, pooling.Columns], scenario: Scenario) -> dict[str, Any]:
-    """Return the pooled excess error with its interval, the same for all parameters.
+    """Return the pooled excess error and its interval, which are the same for all parameters.
 
     Parameters
     ----------
     by_name : mapping of str to columns
         Columns of each estimated parameter, for the same runs of one scenario.
     scenario : Scenario
-        Scenario of the runs. The common bias is computed for the parameters of `identify`; a
-        parameter that the estimator does not estimate counts as unbiased.
+        Scenario of the runs. The common bias applies to the parameters of `identify`. A parameter
+        that the estimator does not estimate counts as unbiased.
     """
     first = next(iter(by_name.values()))
     each, lost = first["excess"], first["lost_before"] > 0

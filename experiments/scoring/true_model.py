@@ -1,4 +1,4 @@
-"""The estimators' model with the true laws and parameters of an axis, and the model's gradient."""
+"""Build the estimators' model with an axis's true laws and parameters, and its gradient."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -28,22 +28,22 @@ from flexaxis.sim.scenario import Scenario
 
 Array = NDArray[np.float64]
 
-STIFF = 1e5  # N m/rad, bristle stiffness for Coulomb friction; with 1e4, a bound changes by 1–2 %
+STIFF = 1e5  # bristle stiffness for Coulomb friction [N m/rad]; 1e4 changes a bound by 1–2 %
 
 
 @dataclass(frozen=True)
 class Described:
-    """How a model describes one table of a scenario.
+    """Description of one scenario table by a law of the estimators' models.
 
     Attributes
     ----------
     law : Law
         Law that represents this table in the estimators' models.
     values : callable
-        ``values(table)`` returns those parameters of the law that the plant does not have.
+        ``values(table)`` returns the parameters of the law that are not parameters of the plant.
     beside : tuple of Law
-        Other laws that the model needs for this table, such as the spring law that provides the
-        load of gear friction.
+        Other laws that the model needs for this table. For example, gear friction needs the spring
+        law, which provides the load.
     """
 
     law: Law
@@ -58,7 +58,7 @@ COULOMB = {"f_s": 0.0, "v_s": 0.0, "sigma_0": STIFF, "sigma_1": 0.0, "v_0": 0.0}
 
 
 def _shares(table: Any) -> dict[str, float]:
-    """Return those parameters of load-dependent friction that are not parameters of the plant."""
+    """Return the parameters of load-dependent friction that are not parameters of the plant."""
     shares = {"mu_m": table.motor, "mu_e": table.external}
     slow = {"mu_ms": table.motor_slow, "mu_es": table.external_slow}
     return shares | slow | {"sharpness": table.alpha}
@@ -81,31 +81,31 @@ DESCRIBED: Mapping[str, Described] = {
     ),
     "saturation": Described(LIMIT, lambda table: {"torque_limit": table.torque}),
 }
-"""Tables of a scenario that have a law in the estimators' models, keyed by name."""
+"""Descriptions of the scenario tables that have a law in the estimators' models, keyed by table."""
 
 DRY = ("friction", "lugre", "static_friction", "gear_friction")
-"""Tables with laws that share parameters; a model can include only one of these tables."""
+"""Names of the scenario tables of dry friction; a model can include only one of these tables."""
 
 
 def describes(scenario: Scenario) -> bool:
-    """Return whether a model of the estimators describes the records, given true parameters."""
+    """Return whether an estimators' model with true parameters describes the records exactly."""
     tables = scenario.tables
     known = has_model(scenario) and all(t.exact or key in DESCRIBED for key, t in tables.items())
     return known and sum(key in tables for key in DRY) <= 1
 
 
 def reads_encoder(scenario: Scenario) -> bool:
-    """Return whether estimators read the angle of an encoder, or increments of this angle."""
+    """Return whether estimators read the angle of an encoder or the increments of this angle."""
     return scenario.output in {"angle", "increment"}
 
 
 def linear_model(scenario: Scenario, values: Mapping[str, float]) -> Model:
-    """Return the linear model of an axis; the output of the model is the signal of predictors."""
+    """Return the linear model of an axis; its output is the signal that predictors use."""
     return SIGNALS[scenario.output].predicted(axis_model(scenario, values), scenario.period)
 
 
 def true_model(scenario: Scenario, parameters: Array) -> Model:
-    """Return the model of an axis with its laws; the output is a speed or an encoder angle."""
+    """Return the model of an axis with its laws; its output is a speed or an encoder angle."""
     laws: list[Law] = []
     for part in _described(scenario).values():
         laws += [law for law in (part.law, *part.beside) if law not in laws]
@@ -117,7 +117,7 @@ def true_model(scenario: Scenario, parameters: Array) -> Model:
 
 
 def _values(scenario: Scenario, parameters: Array) -> dict[str, float]:
-    """Return all parameters of the model by name, given the parameters (P,) of the plant."""
+    """Return the values of all model parameters, given the values (P,) of the plant parameters."""
     values: dict[str, float] = {}
     for key, part in _described(scenario).items():
         values |= part.values(scenario.tables[key])
@@ -125,22 +125,22 @@ def _values(scenario: Scenario, parameters: Array) -> dict[str, float]:
 
 
 def model_theta(scenario: Scenario, names: Sequence[str], parameters: Array) -> Array:
-    """Return the values (p,) of estimated parameters, given the parameters (P,) of the plant."""
+    """Return the values (p,) of estimated parameters, given the values (P,) for the plant."""
     values = _values(scenario, parameters)
     return true_theta(names, np.array(list(values.values())), tuple(values))
 
 
 def tracked(scenario: Scenario, names: Sequence[str]) -> tuple[str, ...]:
-    """Return the names of the unknown parameters after a jump: `names` and dry friction."""
+    """Return the names of all unknown parameters after a jump, which are `names` and f_c."""
     return (*names, *(name for name in ("f_c",) if name in scenario.laws and name not in names))
 
 
 def untold(scenario: Scenario, names: Sequence[str]) -> dict[str, float]:
-    """Return the parameters, other than `names`, for which estimators receive no exact value.
+    """Return the prior errors of all parameters that estimators do not know exactly.
 
-    The values of the result are prior standard deviations, divided by the parameter. They are equal
-    to the rms relative error of all received values for a parameter that is received with an error,
-    and to `PRIOR` for any other parameter of a law.
+    The result does not contain `names`. The values are prior standard deviations, divided by the
+    parameter. If estimators know a parameter with an error, the value is the rms relative error of
+    all known values. For any other parameter of a law, the value is `PRIOR`.
     """
     model, factors = true_model(scenario, scenario.unchanged), scenario.known_factors
     error = float(np.sqrt(np.mean(np.square(np.log([1.0, *factors.values()])))))
@@ -151,7 +151,7 @@ def untold(scenario: Scenario, names: Sequence[str]) -> dict[str, float]:
 
 
 def sizes(scenario: Scenario, names: Sequence[str], theta: Array) -> Array:
-    """Return the scales (p,) of the parameters θ (p,), from which a prior is computed.
+    """Return the scales (p,) of the parameters θ (p,) for a prior.
 
     The scale of a parameter is its value in `theta`. If this value is zero, the scale is the
     initial value or, for the two cogging coefficients, the initial amplitude.
@@ -173,8 +173,9 @@ def _described(scenario: Scenario) -> dict[str, Described]:
 FINER = 2
 """Number of integration steps, divided by the number in estimators with laws.
 
-With this value, tests find errors of the bounds up to 3 %. With Coulomb friction, a law that is
-almost discontinuous, the lag bound differs by up to 7 % from the bound for 16 times the steps.
+With this value, the errors of the bounds are at most 3 % in tests. Coulomb friction is almost
+discontinuous. For this law, the lag bound differs by up to 7 % from the bound with 16 times as many
+steps.
 """
 
 
@@ -187,19 +188,19 @@ def jump_gradient(
     period: float,
 ) -> Array:
     """
-    Return the gradient ψ₀ (N, p) at N samples, of which the first is the sample of the jump.
+    Return the gradient ψ₀ (N, p) at N samples from a jump on.
 
-    The state at the jump does not depend on the new θ, so the sensitivities start at zero, and
-    information accumulates more slowly than in steady state.
+    The state at the jump does not depend on the new θ, so the sensitivities start at zero. As a
+    result, information accumulates more slowly than in steady state.
 
     Parameters
     ----------
     model : Parametrization
-        Model with its unknown parameters.
+        Model with the parameters that are unknown after the jump.
     theta : (p,) array_like
         Parameters after the jump.
     u : (N,) array_like
-        Torque from the jump on [N m].
+        Torque after the jump [N m].
     x : (n,) array_like
         State of the model at the jump, including the states of laws.
     period : float
@@ -211,7 +212,7 @@ def jump_gradient(
 def _travel(
     model: Parametrization, theta: ArrayLike, u: ArrayLike, x: ArrayLike, period: float
 ) -> tuple[Array, Array]:
-    """Return the gradient (N, p) and the last state (n,) for a torque (N,) and an initial state."""
+    """Return the gradient (N, p) and the final state (n,) for a torque (N,) and initial state."""
     steps = FINER * law_steps(model, period)
     simulated = simulation(model, theta, period, steps=steps)
     X = simulated["X"]  # the derivatives with respect to θ start at zero
@@ -224,8 +225,8 @@ def _travel(
 def state_at(scenario: Scenario, truth: Array, u: Array, index: int) -> Array:
     """Return the true state (n,) at a sample, including the effects of all earlier changes.
 
-    The model is simulated from rest with the true parameters (N, P) and the torque (N,) of a
-    record.
+    The function simulates the model from rest, with the true parameters (N, P) and the torque (N,)
+    of a record.
     """
     edges = [0, *(np.flatnonzero((np.diff(truth[:index], axis=0) != 0).any(axis=1)) + 1), index]
     x = np.zeros(true_model(scenario, truth[0]).parametrize(["k_T"]).states)

@@ -1,4 +1,4 @@
-"""The samples that are scored: the quiet time before a fault, and the window after the fault."""
+"""Select the samples for scores: the quiet time before a fault and the window after the fault."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -20,14 +20,14 @@ OfScenario = Callable[Concatenate[Scenario, P], T]
 
 @dataclass(frozen=True)
 class Known:
-    """An argument of a cached function; two arguments are equal if their digests are equal."""
+    """An argument of a cached function; arguments with the same digest are equal."""
 
     digest: str
     content: Any = field(compare=False)
 
 
 def remembered(by: str = "hash") -> Callable[[OfScenario[P, T]], OfScenario[P, T]]:
-    """Cache a function of a scenario; the key is `Scenario.hash` or another digest."""
+    """Return a decorator that caches a function of a scenario by `Scenario.hash` or by a digest."""
 
     def of(function: OfScenario[P, T]) -> OfScenario[P, T]:
         @lru_cache(maxsize=256)
@@ -44,14 +44,14 @@ def remembered(by: str = "hash") -> Callable[[OfScenario[P, T]], OfScenario[P, T
     return of
 
 
-WINDOW = 5.0  # s after a fault that are scored, unless another event occurs earlier
-QUIET = 5.0  # s of excitation before the first onset, from which std and bias are computed
-QUIET_WITHOUT_FAULT = 10.0  # the same at the end of a run without a fault [s]
+WINDOW = 5.0  # time after a fault that is scored, unless another event occurs earlier [s]
+QUIET = 5.0  # time with excitation before the first onset, for std and bias [s]
+QUIET_WITHOUT_FAULT = 10.0  # time at the end of a run without a fault, for std and bias [s]
 
 
 @dataclass(frozen=True)
 class Window:
-    """The samples `start` … `stop`−1 that are scored after the change of one parameter.
+    """The scored samples `start` … `stop`−1 after the change of one parameter.
 
     `D` is the size of the fault, |θ_after − θ_before|, in the unit of the estimated parameter.
     """
@@ -65,11 +65,11 @@ class Window:
 def windows(scenario: Scenario, names: Sequence[str]) -> list[Window]:
     """Return the scored window of each event, in order of time.
 
-    A window starts at the fault or, if the excitation pauses at that time, when the excitation
-    returns. A window ends after 5 s, at the next event, or at the end of the record. Several
-    changes of a parameter in one pause have one window, and `D` is the size of the total change. If
-    the parameter is not estimated, `D` is NaN, and the window is used only for the cross-talk of
-    the other parameters.
+    A window starts at the fault. If the excitation pauses at this time, the window starts when the
+    excitation returns. A window ends after 5 s, at the next event, or at the end of the record.
+    Several changes of a parameter in one pause have one window, and `D` is the size of the total
+    change. If the parameter is not estimated, `D` is NaN, and the window is used only for the
+    cross-talk of the other parameters.
     """
     return list(_windows(scenario, tuple(names)))
 
@@ -103,10 +103,10 @@ def _size(before: float, after: float, changed: str, names: Sequence[str]) -> fl
 
 
 def claimed_at(scenario: Scenario) -> int:
-    """Return the sample at which the covariance reported by an estimator is recorded.
+    """Return the index of the sample at which an estimator's covariance is recorded.
 
-    The result is the last sample before the whole second in which the first fault occurs. Without a
-    fault, or with a fault in the first second, it is the last sample of the run.
+    The result is the last sample before the second in which the first fault occurs. If there is no
+    fault, or if the fault occurs in the first second, the result is the last sample of the run.
     """
     events, second = scenario.events(), sample_index(1.0, scenario.period)
     whole = events[0].index // second * second if events else 0
@@ -115,11 +115,11 @@ def claimed_at(scenario: Scenario) -> int:
 
 @remembered()
 def quiet(scenario: Scenario) -> NDArray[np.intp]:
-    """Return the samples from which std and bias are computed.
+    """Return the indices of the samples for the scores std and bias.
 
     The samples are the last 5 s with excitation between burn-in and the first onset. Without a
-    fault, the samples are the last 10 s of the run, or the last half if the run is shorter than
-    20 s.
+    fault, the samples are the last 10 s of the run. If a run without a fault is shorter than 20 s,
+    the samples are the second half of the run.
     """
     events = scenario.events()
     if not events:

@@ -17,9 +17,9 @@
 #endif
 
 #define FLEXAXIS_VERSION 1u
-#define FLEXAXIS_MARK 0x01020304u /* reads as another value if the byte order differs */
+#define FLEXAXIS_MARK 0x01020304u /* has another value if the byte order differs */
 #define FLEXAXIS_NAME 32          /* length of a name in bytes, padded with NUL */
-#define FLEXAXIS_MOST 64          /* largest number of names, and of nominal values */
+#define FLEXAXIS_MOST 64          /* largest number of names and of nominal values */
 
 enum { FLEXAXIS_SPEED = 0, FLEXAXIS_INCREMENT = 1 };
 

@@ -3,8 +3,8 @@
  *     cc -O2 -o my_estimator my_estimator.c -lm
  *     flexaxis check 'pipe:./my_estimator'
  *
- * The program predicts the states of the axis and their sensitivities to f_m. Replace the method by
- * your own.
+ * The program predicts the states of the axis and their sensitivities to f_m. Replace this method by
+ * your own method.
  */
 #include "flexaxis.h"
 
@@ -12,7 +12,7 @@ enum { ORDER = 16 }; /* order of the Taylor series of the matrix exponential, ac
 
 typedef struct {
     double T, A[5][5], B, dA; /* x' = (A + (theta - f_m) dA) x + B u; dA, B: motor speed only */
-    double x[5], dx[5], u;    /* states, their derivatives with respect to theta, the held input */
+    double x[5], dx[5], u;    /* states, their derivatives with respect to theta, the last input */
     double nominal, theta, P, forgetting;
 } estimator;
 
@@ -65,7 +65,7 @@ static void predict(estimator *e) {
 static void step(void *state, double u, double y, double *theta) {
     estimator *e = state;
     predict(e);
-    e->u = u; /* acts from now on */
+    e->u = u; /* u acts from now on */
     if (!isnan(y)) { /* y is NaN in a gap */
         double psi = e->dx[2], gain = e->P * psi / (1 + psi * e->P * psi);
         double moved = e->theta + gain * (y - e->x[2]);

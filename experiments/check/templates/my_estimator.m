@@ -2,9 +2,9 @@
 %
 %     flexaxis check 'pipe:octave-cli -q my_estimator.m'
 %
-% The program predicts the states of the axis and their sensitivities to f_m. Replace the method by
-% your own.
-1;   % makes this file a script although it starts with functions
+% The program predicts the states of the axis and their sensitivities to f_m. Replace this method by
+% your own method.
+1;   % this statement makes the file a script, although functions follow
 
 function values = take (count, type)
   values = fread (stdin, count, type, 0, "ieee-le");
@@ -61,7 +61,7 @@ low = 0.1 * theta;
 high = 10 * theta;
 lambda = 0.995;
 P = 1e-3 * (1 - lambda);
-X = zeros (11, 1);   % sensitivities of x, the states x, and the held input
+X = zeros (11, 1);   % sensitivities of x, the states x, and the last input
 M = zeros (11);
 
 while true
@@ -75,7 +75,7 @@ while true
     M(6:10, 6:10) = F;
     M(6:10, 11) = B;
     X = expm (M * T) * X;
-    X(11) = samples(1, k);           % acts from now on
+    X(11) = samples(1, k);           % u acts from now on
     if ! isnan (samples(2, k))       % y is NaN in a gap
       psi = X(3);
       gain = P * psi / (1 + psi * P * psi);

@@ -1,8 +1,8 @@
 """My estimator of the motor friction f_m, which uses only NumPy and SciPy.
 
-This template works without changes. It predicts the output using the current estimate, and corrects
-the estimate using recursive least squares. Places where you may start your changes are marked (1)
-to (3).
+This template works without changes. It predicts the output with the current estimate, and corrects
+the estimate with recursive least squares. The marks (1) to (3) show good places for your first
+changes.
 
     flexaxis check my_estimator.py:Mine
     cp my_estimator.py old.py
@@ -26,7 +26,7 @@ class Mine:
         self.nominal, self.period, self.forgetting = nominal, period, forgetting
         self.theta = nominal["f_m"]
         self.P = 1e-3 * (1 - forgetting)  # variance of theta divided by the variance of the noise
-        self.X = np.zeros(11)  # sensitivity dx/dtheta, the state x, and the held input
+        self.X = np.zeros(11)  # sensitivity dx/dtheta, the state x, and the last input
 
     def step(self, u, y):
         """Return theta[k], given the torque u[k] and the output y[k] (None in a gap)."""
@@ -38,14 +38,14 @@ class Mine:
         return np.array([self.theta])
 
     def _update(self, psi, error):
-        """(2) Correct the estimate using the prediction error."""
+        """(2) Correct the estimate with the prediction error."""
         gain = self.P * psi / (1 + psi * self.P * psi)
         self.P = (1 - gain * psi) * self.P / self.forgetting
         ratio = (self.theta + gain * error) / self.nominal["f_m"]
         self.theta = self.nominal["f_m"] * np.clip(ratio, 0.1, 10)
 
     def _model(self):
-        """(3) Return M in dX/dt = M X; x contains two twists and the speeds of the three masses."""
+        """(3) Return M in dX/dt = M X; x contains two twists and the speeds of three masses."""
         names = "r k_T J_m J_g J_a k_g k_a d_g d_a f_g f_a"
         r, k_T, J_m, J_g, J_a, k_g, k_a, d_g, d_a, f_g, f_a = map(
             self.nominal.__getitem__, names.split()
