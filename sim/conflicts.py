@@ -97,7 +97,7 @@ def _text(item: Any, top: type[BaseModel]) -> str:
         case "extra_forbidden":
             return unknown("key", words[-1], _known_keys(words[:-1], top))
         case "union_tag_not_found":
-            return f"kind is missing; known are {', '.join(_KINDS[words[0]])}"
+            return f"kind is missing; known kinds are {', '.join(_KINDS[words[0]])}"
         case "union_tag_invalid":
             return unknown("kind", item["ctx"]["tag"], _KINDS[words[0]])
         case "value_error":
@@ -219,7 +219,7 @@ def _law_problem(name: str, scenario: Scenario) -> str | None:
     if having and not tables:
         return f"the plant has no {name}: add the table {' or '.join(having)}"
     if len(tables) > 1:
-        return f"{name} is ambiguous, because {' and '.join(tables)} have it: keep one of them"
+        return f"{name} is ambiguous, because {' and '.join(tables)} define it: remove one table"
     return None
 
 
@@ -286,7 +286,7 @@ def _changed_problems(change: Fault, scenario: Scenario) -> Iterator[Problem]:
 
 
 def _pause_problems(scenario: Scenario) -> Iterator[Problem]:
-    """Yield a problem for each pause after the end of the run, and for a large `onset_spread`."""
+    """Yield a problem for each pause after the run, and for an `onset_spread` that is too large."""
     duration, spread = scenario.duration, scenario.onset_spread
     pauses = getattr(scenario.excitation, "pause", ())
     for i, (begin, _) in enumerate(pauses):

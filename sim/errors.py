@@ -76,7 +76,8 @@ def unknown(kind: str, word: str, known: Iterable[str]) -> str:
     Examples
     --------
     >>> unknown("preset", "N1", ["n1", "n2", "wg"])
-    "unknown preset 'N1'; known are n1, n2, wg. Did you mean 'n1'?"
+    "unknown preset 'N1'; known presets are n1, n2, wg. Did you mean 'n1'?"
     """
     known = list(known)
-    return f"unknown {kind} {word!r}; known are {', '.join(known)}.{did_you_mean(word, known)}"
+    words = ", ".join(known)
+    return f"unknown {kind} {word!r}; known {kind}s are {words}.{did_you_mean(word, known)}"

@@ -14,7 +14,7 @@ from flexaxis.models_mjcf import DEFAULT, SHIPPED, model_digest
 from flexaxis.sim.timing import PERIOD
 
 PLANT, CONTENT = "plant", "content"
-"""Values of the scenario key `streams`, which selects what determines the random numbers.
+"""Values of the key `streams`, which selects the part of a scenario that fixes random numbers.
 
 With "plant", the random numbers depend only on the part of the scenario that affects the plant and
 the sensors. With "content", the random numbers depend on the whole content of the scenario.
@@ -74,7 +74,7 @@ def _seen(resolved: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _told_apart(resolved: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the keys and values of a resolved scenario that its hashes may depend on.
+    """Return the keys and values of a resolved scenario on which its hashes may depend.
 
     The result does not contain default values of `period` and `model`. If the MJCF differs from the
     published file, the result contains the digest of the MJCF.

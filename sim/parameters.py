@@ -117,7 +117,7 @@ LAW_MAY_BE_ZERO = frozenset({"f_c", "f_s"})
 """Names of the law parameters that may become zero during a run."""
 
 ESTIMATED_ONLY = ("c_sin", "c_cos")
-"""Parameters of cogging with unknown phase, which only estimators have and records do not."""
+"""Parameters of cogging with unknown phase, which occur in estimators but not in records."""
 
 LAW_PARAMETERS: Mapping[str, tuple[str, ...]] = {
     "friction": ("f_c",),
@@ -151,7 +151,7 @@ def parameter_problem(name: str, value: float) -> str | None:
     if not math.isfinite(value):
         return f"must be a finite number [{unit}], not {value!r}"
     if name == "r" and not 0 < value <= 1:
-        return f"must be in (0, 1], arm angle over motor angle (1/118, not 118), not {value!r}"
+        return f"must be arm angle over motor angle, in (0, 1] (1/118, not 118), not {value!r}"
     if value < 0 or (value == 0 and name not in MAY_BE_ZERO):
         allowed = "zero or positive" if name in MAY_BE_ZERO else "positive"
         return f"must be {allowed} [{unit}], not {value!r}"

@@ -63,7 +63,7 @@ class Subject:
 
     @cached_property
     def nominal(self) -> Array:
-        """Magnitudes (p,) of the first estimates, to which differences are related."""
+        """Absolute values (p,) of the first estimates, which scale differences between runs."""
         sizes = np.abs(self.theta[0])
         return np.where(np.isfinite(sizes) & (sizes > 0), sizes, 1.0)
 
@@ -78,7 +78,7 @@ class Subject:
         return np.asarray(np.where(same, 0.0, gap).max(axis=1))
 
     def apart(self, one: Array, other: Array) -> float:
-        """Return the largest difference between two runs' estimates over all samples (`gaps`)."""
+        """Return the largest relative difference between the estimates of two runs."""
         return float(self.gaps(one, other).max(initial=0.0))
 
     def error(self, theta: Array) -> float:
@@ -135,7 +135,7 @@ def step_equals_run(subject: Subject) -> Seen:
     theta = np.vstack([first, run_estimator(mixed, subject.u[half:], subject.y[half:])])
     each = step(subject.make(), subject.u, subject.y)
     apart = max(subject.apart(t, subject.theta) for t in (each, theta))
-    return apart < 1e-9, f"step, or step then run, differs from run by {apart:.2g} of nominal"
+    return apart < 1e-9, f"estimates of step and run differ by {apart:.2g} of nominal"
 
 
 def no_look_ahead(subject: Subject) -> Seen:
@@ -212,8 +212,8 @@ def covariance(subject: Subject) -> Seen:
             R = C / np.outer(scale, scale)
             if np.abs(R - R.T).max() <= SLACK and np.linalg.eigvalsh(R).min() >= -SLACK:
                 continue
-        return False, f"not finite, symmetric and positive semidefinite at sample {k}: {C}"
-    return True, "symmetric and positive semidefinite at every sample"
+        return False, f"the covariance at sample {k} is not symmetric, finite and positive: {C}"
+    return True, "the covariance is symmetric and positive semidefinite at every sample"
 
 
 def cost(subject: Subject) -> Seen:
@@ -286,7 +286,7 @@ RULES: dict[Callable[[Subject], Seen], tuple[str, str]] = {
         "error is large for every shift, first check the model, the units and the order of names",
     ),
 }
-"""Reason for each rule, and hint on how to follow the rule."""
+"""Reasons for the rules, and hints on how to follow them."""
 
 
 @dataclass(frozen=True)

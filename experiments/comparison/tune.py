@@ -78,8 +78,8 @@ def parts(text: str) -> tuple[str, dict[str, Any], Knob]:
     if knob is None:
         raise FlexaxisError(
             f"{text} has no tuning parameter, so its noise cannot be matched. In your own class, "
-            'name the option to tune, such as knob = "1-lam" to tune λ in 1−λ. A program has no '
-            "options"
+            'declare the tuning parameter, such as knob = "1-lam" for the option lam. A program '
+            "has no options"
         )
     return name, {key: value for key, value in options.items() if key != knob.name}, knob
 
@@ -91,7 +91,7 @@ def tuning_scenario() -> Scenario:
 
 @dataclass(frozen=True)
 class Trials:
-    """Runs on which the tuning tries settings.
+    """Simulated runs on which the search tries settings of a tuning parameter.
 
     Attributes
     ----------
@@ -143,7 +143,7 @@ def match_noise(text: str, trials: Trials) -> Tuned:
         Estimator with a knob, written as for the option `--estimator`. Other options keep their
         values.
     trials : Trials
-        Runs on which the search tries settings.
+        Simulated runs on which the search tries settings.
 
     Raises
     ------

@@ -121,8 +121,8 @@ def compare(
     Raises
     ------
     FlexaxisError
-        If there are fewer than two seeds, or more seeds than a positive `max_seeds`. Also if base
-        and candidate have fewer than two common runs, or if the noise cannot be matched.
+        If there are fewer than two seeds or more seeds than a positive `max_seeds`, if base and
+        candidate have fewer than two common runs, or if the noise cannot be matched.
     """
     looks, run = look_seeds(seeds, max_seeds), runner.rows
     left = [runner.misfits(scenarios, [text]) for text in (base, candidate)]
@@ -178,7 +178,7 @@ def look_seeds(seeds: Sequence[int], most: int) -> list[list[int]]:
 
 
 def check_margins(margins: Mapping[str, float]) -> dict[str, float]:
-    """Return the default margins with changes from `margins`, or raise an error for a mistake."""
+    """Return the default margins, updated with `margins`; raise an error for an invalid entry."""
     for metric, margin in margins.items():
         if metric not in METRICS or not 0 < margin < 1:
             raise FlexaxisError(

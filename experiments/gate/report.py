@@ -37,8 +37,8 @@ TEXTS = {
     # advice
     "unfair": "Not a fair comparison: the {0} also estimates {1}, for which the {2} uses nominal "
     "values. Estimating more parameters increases lag and noise with any method.",
-    "scenarios": "Compare the two on scenarios that both can run and whose faulty parameters both "
-    "estimate.",
+    "scenarios": "Compare the estimators on scenarios that both can run, with faults in parameters "
+    "that both estimate.",
     "seeds": "More seeds may give a verdict: --max-seeds.",
     "tuned": "Tuned to the {0} of rpem-forgetting: base {1}, candidate {2}.",
 }  # fmt: skip

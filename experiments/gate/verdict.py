@@ -20,7 +20,7 @@ SILENT = "not more"
 the overall verdict."""
 
 ALPHA = 0.01
-"""Largest probability of any false "worse" or "better" in a comparison."""
+"""Largest probability of any false verdict "worse" or "better" in a comparison."""
 
 SHARES = {False: 0.5, True: 0.1, "diverged": 0.2, "never_settled": 0.2}
 """Shares of alpha for tests of scores (False), of biases (True) and of each kind of lost run."""
@@ -62,7 +62,7 @@ def judge(paired: Paired, *, alpha: float = ALPHA) -> pd.DataFrame:
     paired : Paired
         Paired scores of base and candidate.
     alpha : float
-        Largest probability of any false "worse" or "better" in the whole comparison.
+        Largest probability of any false verdict "worse" or "better" in the whole comparison.
 
     Returns
     -------
@@ -106,7 +106,7 @@ def decide(
     scenarios, metrics, margins : ndarray (S,)
         Scenario, metric and smallest relevant relative change of each score.
     alpha : float
-        Largest probability of any false "worse" or "better" in the whole comparison.
+        Largest probability of any false verdict "worse" or "better" in the whole comparison.
 
     Returns
     -------
@@ -165,8 +165,8 @@ def _agreeing(way: Any, n: Any, scenarios: Any, metrics: Any) -> tuple[Any, Any]
 def judge_lost(newly: int, regained: int, way: str, alpha: float = ALPHA) -> str:
     """Return the verdict on runs that only one side lost, based on McNemar's exact test.
 
-    If the test is not significant, the verdict is "undecided" or "not more". It is "undecided" if
-    runs are newly lost and not more runs are regained.
+    If the test is not significant, the verdict is "undecided" or "not more". The verdict is
+    "undecided" if the candidate newly loses at least one run and regains no more than it loses.
     """
     share = SHARES[way] * alpha
     if sign_p(newly, regained) <= LOST_WORSE * share:

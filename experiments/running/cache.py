@@ -48,7 +48,7 @@ class RecordCache:
 
     def put(self, scenario: Scenario, record: Record) -> None:
         """Store a record; ignore errors caused by a full disk or a read-only folder."""
-        content = io.BytesIO()  # HDF5 ends the process if HDF5 itself writes to a full disk
+        content = io.BytesIO()  # if HDF5 wrote to a full disk, HDF5 would end the process
         with h5py.File(content, "w") as file:
             for name in [*SIGNALS][1:]:  # without the time, which is computed from the scenario
                 if (values := getattr(record, name)) is not None:
@@ -59,7 +59,7 @@ class RecordCache:
                 new.write_bytes(content.getvalue())
 
     def entries(self) -> list[Path]:
-        """Return the files in the cache, sorted by last use, with the oldest use first."""
+        """Return the files in the cache, sorted by the time of their last use."""
         return sorted(self.folder.glob("*.nc"), key=lambda path: path.stat().st_mtime_ns)
 
     def evict(self, limit: int) -> int:

@@ -105,7 +105,7 @@ Outcome = list[Done | str]
 
 def run_unit(unit: Unit, options: Options) -> Outcome:
     """Run all cases of a unit, and return their results."""
-    # With one thread, the rows of all workers are equal to the last bit.
+    # With one thread, all workers produce bitwise equal rows.
     with threadpool_limits(1), keep_nominal_runs(options.cache), warnings.catch_warnings():
         warnings.filterwarnings("ignore", category=UserWarning, module="flexaxis")
         seeds = list(dict.fromkeys(seed for _, _, seed in unit.cases()))
@@ -199,7 +199,7 @@ def follow(
     theta : ndarray (N, p)
         Estimates after each sample.
     claimed : ndarray (p, p) or None
-        Covariance that the estimator reports at the sample from `claimed_at`.
+        Covariance that the estimator reports before the first fault (see `claimed_at`).
     innovations : ndarray (N, 2) or None
         Innovations y − ŷ, and the variances that the estimator reports for them.
 

@@ -101,5 +101,5 @@ def write_estimates(
     coords = {"time": ("time", times, {"units": "s"}), "estimate": np.array(names, object)}
     content = xarray.Dataset(data, coords, about).to_netcdf(engine="h5netcdf")
     make_folder(path.parent)
-    with new_file(path) as part:  # HDF5 ends the process if HDF5 itself writes to a full disk
+    with new_file(path) as part:  # if HDF5 wrote to a full disk, HDF5 would end the process
         part.write_bytes(content)

@@ -85,7 +85,7 @@ class Spec:
 
     @property
     def make(self) -> Factory:
-        """The class or factory function of the estimator; reading this imports user code."""
+        """The class or factory function of the estimator; this property imports user code."""
         if self.text.startswith(PIPE):
             return partial(PipeEstimator, self.text.removeprefix(PIPE))
         if self.session is not None:
@@ -132,7 +132,7 @@ _session: dict[str, Factory] = {}
 
 
 def text_of(make: str | Factory) -> str:
-    """Return ``module:Class`` or the name for a class, or return a text unchanged."""
+    """Return the text that identifies an estimator class; return a text unchanged."""
     if isinstance(make, str):
         return make
     name, module = getattr(make, "__name__", ""), getattr(make, "__module__", "__main__")
@@ -271,7 +271,7 @@ def build(spec: Spec, scenario: Scenario) -> Estimator:
     include data-sheet values. If the constructor has these keyword arguments, it also receives
     `identify`, `output`, `noise` (if the data sheet contains a noise level) and `torque` (the
     torque of a nominal run, to compute P(0)). Registered estimators are cached and copied, because
-    their construction takes as long as a run. User estimators are constructed for each run.
+    their construction takes as long as a run. A user's estimator is constructed for each run.
 
     Raises
     ------
@@ -294,7 +294,7 @@ def build(spec: Spec, scenario: Scenario) -> Estimator:
 
 @lru_cache(KEPT)
 def _registered(key: bytes) -> Any:
-    """Return a registered estimator that was constructed with these arguments and compiled."""
+    """Return a compiled registered estimator for the arguments that `key` contains."""
     text, model, nominal, period, known = pickle.loads(key)
     axis = nominal if model == DEFAULT else MODELS[model].factory(nominal)
     estimator: Any = make_estimator(parse(text), axis, period, **known)
@@ -311,8 +311,8 @@ def _known(spec: Spec, scenario: Scenario, nominal: Mapping[str, float]) -> dict
     identify = tuple(n for n in scenario.identify if laws or n not in LAW_NAMES)
     if not identify:
         raise Misfit(
-            f"{spec.text} does not declare `laws`, and {scenario.name} identifies only "
-            f"{', '.join(scenario.identify)}: leave the scenario out"
+            f"{spec.text} does not declare `laws`, but {scenario.name} identifies only "
+            f"{', '.join(scenario.identify)}: omit the scenario"
         )
     known: dict[str, Any] = {"identify": identify, "output": scenario.output}
     if (noise := scenario.data_sheet.get("noise")) is not None:
@@ -338,6 +338,6 @@ def _check_fits(text: str, estimator: Estimator, scenario: Scenario) -> None:
         raise Misfit(
             f"{text} reads {estimator.output!r} and estimates {', '.join(names)}, but "
             f"{scenario.name} provides {scenario.output!r} and contains "
-            f"{', '.join(scenario.parameter_names)}: change the estimator's `output`, or leave "
-            "the scenario out"
+            f"{', '.join(scenario.parameter_names)}: change the estimator's `output`, or omit the "
+            "scenario"
         )

@@ -79,7 +79,7 @@ class Results:
 
     @cached_property
     def _variants(self) -> dict[int, dict[str, Any]]:
-        """Properties that all cases of an estimator on a scenario share, in the order of rows."""
+        """Common properties of all cases of each variant, in the order of the rows."""
         every = self._store.variants()
         labels = {_key(label): label for label in self.study.get("variants", every.values())}
         order = {key: place for place, key in enumerate(labels)}

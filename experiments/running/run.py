@@ -55,7 +55,7 @@ from importing modules from the current folder, so that no file there can replac
 
 
 class Worker:
-    """A worker process that runs one unit at a time and can be ended without other workers."""
+    """A worker process that runs one unit at a time and can be ended separately."""
 
     def __init__(self) -> None:
         self._pool = _pool()
@@ -326,7 +326,7 @@ def rerun(results: Results, runner: Runner, sample: int = 0) -> pd.DataFrame:
     scores, key = [name for name in NUMBERS if "cost." not in name], ["seed", "parameter"]
     cases, lines = results.frame["case"].unique(), []
     if not len(cases):
-        raise StudyError(f"{results.folder} has no finished cases. Run its command first")
+        raise StudyError(f"{results.folder} has no finished cases. Run the study first")
     chosen = cases[:: max(1, len(cases) // (sample or len(cases)))]
     stored = results.frame[results.frame["case"].isin(chosen)]
     for (_, setting), own in stored.groupby(["hash", "setting"], sort=False):

@@ -123,9 +123,9 @@ class Store:
         ]
         if differ:
             raise StudyError(
-                f"the rows in {self.folder} were made by other code ({'; '.join(differ)}) and must "
-                "not be mixed with new rows. Choose another folder with -o, or remove the rows "
-                "with --overwrite"
+                f"other code made the rows in {self.folder} ({'; '.join(differ)}), so new rows "
+                "cannot be added. Choose another folder with -o, or remove the rows with "
+                "--overwrite"
             )
 
     def told(self, key: str) -> Any:

@@ -116,7 +116,7 @@ class Unit:
     scenario : Scenario
         Scenario with the swept values of one sweep point.
     base : str
-        Name of the scenario before the sweep.
+        Name of the scenario without swept values.
     axes : mapping
         Swept values of the scenario.
     settings : tuple of Setting
@@ -190,7 +190,7 @@ def units(study: Study) -> list[Unit]:
 
 
 def _settings(study: Study) -> dict[str, tuple[Setting, ...]]:
-    """Return the estimator settings for each combination of swept scenario values (as JSON)."""
+    """Return the estimator settings, keyed by the swept scenario values as JSON text."""
     options = [key for key in study.axes if is_option(key, study.estimators)]
     result: dict[str, dict[str, Setting]] = {}
     for point in study.points:

@@ -39,8 +39,8 @@ def cramer_rao(
     """
     Return the lower bound C(n) (N, p, p) on the covariance of θ̂, n samples after a jump.
 
-    The bound is C(n) = σ² [P_b⁻¹ + Σ_{k≤n} ψ₀ψ₀ᵀ]⁻¹ with P_b = diag((θ/2)²)/σ². It applies to an
-    estimator that knows the time of the jump and the state at this time.
+    The bound is C(n) = σ² [P_b⁻¹ + Σ_{k≤n} ψ₀ψ₀ᵀ]⁻¹ with P_b = diag((θ/2)²)/σ². The bound is valid
+    for an estimator that knows the time of the jump and the state at this time.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ def lag_bound(deviation: ArrayLike, size: float, *, period: float) -> float:
 @dataclass(frozen=True)
 class JumpBound:
     """
-    Lower bounds on the standard deviation of θ̂ at n samples from an event on.
+    Lower bounds on the standard deviation of θ̂ at the n samples after an event.
 
     Attributes
     ----------

@@ -10,9 +10,7 @@ from flexaxis.experiments.scoring.windows import claimed_at
 
 Array = NDArray[np.float64]
 
-MEMORY = (
-    0.1  # s, longest lag of the whiteness test: two periods of the slower mode of the nominal axis
-)
+MEMORY = 0.1  # longest lag of the whiteness test, two periods of the slower nominal mode [s]
 
 
 def nis(innovations: Array) -> float | None:
@@ -77,7 +75,7 @@ def whiteness(innovations: Array, lags: int) -> float | None:
 
 
 def normalised(innovations: Array) -> Array:
-    """Return ε/√S (N,), with NaN where it is undefined."""
+    """Return the normalised innovations ε/√S (N,); undefined values are NaN."""
     epsilon, variance = np.asarray(innovations, float).T
     good = np.isfinite(epsilon) & np.isfinite(variance) & (variance > 0)
     return np.where(good, epsilon / np.sqrt(np.where(good, variance, 1.0)), np.nan)

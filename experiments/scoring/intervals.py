@@ -53,7 +53,7 @@ def mean_interval(values: ArrayLike) -> Interval | None:
 
 
 def by_seed(values: ArrayLike, seeds: Labels, points: Labels) -> Array:
-    """Combine the values of each seed into one value (m,), for a standard error of the mean.
+    """Combine the values of each seed into one value (m,) to compute a standard error of the mean.
 
     The mean of the result is the mean x̄ of the n values. The scatter of the result gives the
     standard error of this mean. If the runs of a seed deviate by d_i from the means of their sweep
@@ -210,7 +210,7 @@ def _freedom(apart: Array, seed: Index, point: Index) -> float:
 
 def _cox(values: Array) -> Any:
     """Return Cox's interval for the mean of lognormal values (n,)."""
-    if values.min() <= FLOOR * values.mean():  # with a run without scatter, they are not lognormal
+    if values.min() <= FLOOR * values.mean():  # the values of a constant run are not lognormal
         return mean_interval(values)
     logs, n = np.log(values), len(values)
     v = logs.var(ddof=1)
@@ -254,7 +254,7 @@ def sign_p(more: int, less: int) -> float:
 
     The result is the probability of at least `more` heads in more + less tosses of a fair coin.
     Runs with the same outcome for both estimators do not count. If neither estimator is better,
-    each remaining run is lost by either one with probability ½.
+    each of them loses a remaining run with probability ½.
 
     Examples
     --------
@@ -274,7 +274,7 @@ def holm_levels(p: ArrayLike, alpha: float) -> Array:
     Parameters
     ----------
     p : array_like (m,)
-        p-values of the tests. A test with p-value NaN is not counted and has the level `alpha`.
+        p-values of the tests. A test whose p-value is NaN does not count and has the level `alpha`.
     alpha : float
         Family-wise error rate.
 

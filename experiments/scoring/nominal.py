@@ -65,8 +65,8 @@ def design_torque(scenario: Scenario) -> Array:
     Return the torque (8000,) [N m] during 40 s of reference motion, with design values.
 
     The design values are the nominal values that an estimator receives. The simulation contains no
-    nonlinear effects, because estimators do not know these effects. If the scenario is a
-    standstill, the reference is the default multisine.
+    nonlinear effects, because estimators do not know these effects. If the axis does not move in
+    the scenario, the reference is the default multisine.
     """
     told = started_nominal(scenario.override({"start": 1.0}))
     linear: dict[str, Any] = {key: None for key in scenario.nonlinear}

@@ -42,7 +42,7 @@ def theta_over_time(scenario: Scenario, names: Sequence[str]) -> NDArray[np.floa
 
 
 def known_names(scenario: Scenario, names: Sequence[str]) -> tuple[str, ...]:
-    """Return the estimated parameters whose initial value is not zero, so that it scales errors."""
+    """Return the estimated parameters whose initial value is not zero and can scale errors."""
     return tuple(name for name in names if scenario.initial.get(physical(name)[0]))
 
 

@@ -1,11 +1,11 @@
 """Pool a score over many seeds into one number with an interval.
 
 There is one function for each kind of score. A function takes the columns for one parameter of one
-estimator on one scenario, and the name of a score. It returns entries of the pooled row. A column
-is an array with one number per run, in the order of the seeds. NaN means undefined, 1 means true,
-and 0 means false. The columns include ``seed`` and ``point``, because only runs with different
-seeds are independent (`flexaxis.experiments.scoring.intervals`). All scores except consistency
-include diverged runs, because these runs report no covariance.
+estimator on one scenario, and the name of a score. The function returns entries of the pooled row.
+A column is an array with one number per run, in the order of the seeds. NaN means undefined, 1
+means true, and 0 means false. The columns include ``seed`` and ``point``, because only runs with
+different seeds are independent (`flexaxis.experiments.scoring.intervals`). Consistency scores
+exclude diverged runs, which report no covariance. All other scores include diverged runs.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence

@@ -52,7 +52,7 @@ def recovered(tracking: Mapping[str, float] | None, loop: str) -> float | None:
 
 
 class TrueParameters:
-    """An estimator that returns the parameters that are true at the next sample."""
+    """An estimator that returns the true parameters of the next sample."""
 
     output = "speed"
 

@@ -62,7 +62,8 @@ class Score:
         ratios, it replaces smaller values by this limit.
     guard : bool
         Whether the score can be negative. For such a score, `compare` uses differences between
-        absolute means, divided by the noise, instead of ratios. It reports only an increase.
+        absolute means, divided by the noise, instead of ratios. The command reports only an
+        increase of the score.
     """
 
     name: str

@@ -52,7 +52,7 @@ def loss(theta: Array, edges: tuple[Array, Array], period: float) -> int | None:
     """Return the index of the sample at which a run (N, p) diverges, or None if it does not.
 
     A run diverges if an estimate is not finite, or if an estimate is at or beyond a limit for more
-    than 1 s. The result is the first sample of this condition.
+    than 1 s. The result is the first of these samples.
     """
     lower, upper = edges
     room = EDGE * np.minimum(abs(lower), abs(upper))
@@ -209,7 +209,7 @@ class Track:
         )
 
     def ends(self, i: int) -> Array:
-        """Return θ̃ [%] in the last 2 s of all windows of parameter i with more than 2 s."""
+        """Return θ̃ [%] in the last 2 s of all windows of parameter i that are longer than 2 s."""
         length = round(AFTER / self.scenario.period)
         parts = [
             self.percent[w.stop - length : w.stop, i]

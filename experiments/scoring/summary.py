@@ -116,7 +116,7 @@ def pool_rows(rows: Rows, scenario: Scenario) -> list[dict[str, Any]]:
 
 
 def _flat(rows: Rows) -> pd.DataFrame:
-    """Return rows as a table sorted by seed, in which columns of nested mappings are ``a.b``."""
+    """Return rows as a table sorted by seed; nested mappings become columns such as ``a.b``."""
     frame = rows if isinstance(rows, pd.DataFrame) else pd.json_normalize(list(rows))
     return frame.sort_values("seed", kind="stable") if "seed" in frame else frame
 

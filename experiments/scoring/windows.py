@@ -27,7 +27,7 @@ class Known:
 
 
 def remembered(by: str = "hash") -> Callable[[OfScenario[P, T]], OfScenario[P, T]]:
-    """Return a decorator that caches a function of a scenario by `Scenario.hash` or by a digest."""
+    """Return a decorator that caches a function of a scenario by its hash or another digest."""
 
     def of(function: OfScenario[P, T]) -> OfScenario[P, T]:
         @lru_cache(maxsize=256)

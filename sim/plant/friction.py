@@ -110,7 +110,7 @@ def _compiled() -> Any:
 
 
 def _any_of(laws: list[Any], code: int = 0) -> Callable[..., float]:
-    """Return a function that computes the friction torque using the law that a row selects."""
+    """Return a function that computes the friction torque with the law that a row selects."""
     # `register_jitable` instead of `njit`, because NUMBA_DISABLE_JIT turns `njit` off
     from numba.extending import register_jitable
 

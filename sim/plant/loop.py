@@ -55,7 +55,7 @@ def closed_loop(
     Parameters
     ----------
     scenarios : sequence of Scenario
-        One scenario per run; they differ only in their faults and pauses.
+        One scenario per run. The scenarios differ only in their faults and pauses.
     reference : ndarray (N, R)
         Desired motor angle [rad].
     white : callable

@@ -105,7 +105,7 @@ class Multisine(Config):
 
 
 class Moves(Config):
-    """Minimum-jerk moves from point to point with a rest after each move, as in a robot's cycle.
+    """Minimum-jerk moves from point to point, with a rest after each move.
 
     Attributes
     ----------

@@ -121,7 +121,7 @@ class FeedForward:
         self._box = {name: (v / most[name], v * most[name]) for name, v in known.items()}
         self._k_T0 = known["k_T"]
         path = np.vstack([reference[:1], reference, reference[-1:]])
-        self._speed = np.diff(path, axis=0) / period  # [k]: just before sample k
+        self._speed = np.diff(path, axis=0) / period  # row k: speed just before sample k
         self._angle = np.zeros(runs)
         self.limited = np.zeros(runs, int)
 

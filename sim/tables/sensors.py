@@ -255,5 +255,5 @@ def _low_pass(time_constant: float, period: float) -> Stage:
 
 
 def angle_increment(angle: Array, *, period: float) -> Array:
-    """Return (φ[k] − φ[k−1])/T [rad/s] for a sampled angle φ (N, ...) [rad]; it is 0 at k = 0."""
+    """Return (φ[k] − φ[k−1])/T [rad/s] for a sampled angle φ (N, ...) [rad]; 0 at k = 0."""
     return np.diff(angle, axis=0, prepend=angle[:1]) / period

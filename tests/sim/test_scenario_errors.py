@@ -24,32 +24,33 @@ TO_ZERO = [
 # text put into a good scenario (None as first key: instead of it) -> the one line expected
 CASES = [
     # unknown words, with the nearest right one
-    ("presett = 'n1'", "presett: unknown key 'presett'; known are ", " Did you mean 'preset'?"),
-    ("preset = 'N2'", "preset: unknown preset 'N2'; known are n1, n2, wg, ", ""),
-    ("parameters.Jm = 1.0", f"parameters.Jm: unknown parameter 'Jm'; known are {TWELVE}.",
+    ("presett = 'n1'", "presett: unknown key 'presett'; known keys are", " Did you mean 'preset'?"),
+    ("preset = 'N2'", "preset: unknown preset 'N2'; known presets are n1, n2, wg, ", ""),
+    ("parameters.Jm = 1.0",
+     f"parameters.Jm: unknown parameter 'Jm'; known parameters are {TWELVE}.",
      " Did you mean 'J_m'?"),
     ("identify = ['k_t']", "identify[0]: unknown parameter 'k_t'; ", " Did you mean 'k_T'?"),
     ("identify = ['k_T', '1/Ja']", "identify[1]: unknown parameter '1/Ja'; ",
      " Did you mean '1/J_a'?"),
-    ("noise.sped = 0.1", "noise.sped: unknown key 'sped'; known are speed, angle, torque.",
+    ("noise.sped = 0.1", "noise.sped: unknown key 'sped'; known keys are speed, angle, torque.",
      " Did you mean 'speed'?"),
     ("controller.kp = 3",
-     "controller.kp: unknown key 'kp'; known are Kp, Kv, Ki, tau, rate, log, adapt.",
+     "controller.kp: unknown key 'kp'; known keys are Kp, Kv, Ki, tau, rate, log, adapt.",
      " Did you mean 'Kp'?"),
     ("excitation.kind = 'multisin'",
-     "excitation: unknown kind 'multisin'; known are multisine, moves, standstill.",
+     "excitation: unknown kind 'multisin'; known kinds are multisine, moves, standstill.",
      " Did you mean 'multisine'?"),
     (FAULT.replace("step", "stepp"),
-     "fault[0]: unknown kind 'stepp'; known are step, ramp, thermal, intermittent, "
+     "fault[0]: unknown kind 'stepp'; known kinds are step, ramp, thermal, intermittent, "
      "profile.",
      " Did you mean 'step'?"),
     (FAULT.replace("f_m", "fm"),
-     f"fault[0].parameter: unknown parameter 'fm'; known are {CHANGEABLE}.",
+     f"fault[0].parameter: unknown parameter 'fm'; known parameters are {CHANGEABLE}.",
      " Did you mean 'f_m'?"),
     (FAULT.replace("factor", "facter"), "fault[0].factor: is missing",
-     "fault[0].facter: unknown key 'facter'; known are kind, parameter, at, factor."
+     "fault[0].facter: unknown key 'facter'; known keys are kind, parameter, at, factor."
      " Did you mean 'factor'?"),
-    (FAULT.replace("kind", "#"), "fault[0]: kind is missing; known are step, ramp, ", ""),
+    (FAULT.replace("kind", "#"), "fault[0]: kind is missing; known kinds are step, ramp, ", ""),
     # wrong types
     ("start = '1.2'", "start: must be a valid number, not '1.2'", ""),
     ("identify = 'k_T'", "identify: must be an array, not 'k_T'", ""),
@@ -57,7 +58,7 @@ CASES = [
     ("fault = 3", "fault: must be an array, not 3", ""),
     # impossible values
     ("parameters.J_m = -1.2e-3", "parameters.J_m: must be positive [kg m^2], not -0.0012", ""),
-    ("parameters.r = 118", "parameters.r: must be in (0, 1], arm angle over motor angle "
+    ("parameters.r = 118", "parameters.r: must be arm angle over motor angle, in (0, 1] "
      "(1/118, not 118), not 118", ""),
     ("parameters.k_g = inf", "parameters.k_g: must be a finite number, not inf", ""),
     ("start = 0", "start: must be greater than or equal to 0.01, not 0", ""),
@@ -123,7 +124,7 @@ CASES = [
      "identify[1]: 'f_c' repeats 'f_c': name each parameter once", ""),
     ("friction.coulomb = 0.1\nidentify = ['1/f_c']", "identify[0]: unknown parameter '1/f_c';", ""),
     ("friction.coulomb = 0.1\nload_friction = { f_c = 0.05, load = 0.1 }\nidentify = ['f_c']",
-     "identify[0]: f_c is ambiguous, because friction and load_friction have it: keep one", ""),
+     "identify[0]: f_c is ambiguous, because friction and load_friction define it: remove one", ""),
     # a value of 0 that makes a percentage or an inverse infinite
     ("identify = ['f_m', '1/d_g']\nparameters.d_g = 0.0",
      "identify[1]: '1/d_g' cannot be estimated while parameters.d_g is 0, because errors are in %",
