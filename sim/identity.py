@@ -60,7 +60,7 @@ def stream_key(resolved: Mapping[str, Any]) -> str:
 
 
 def record_hash(resolved: Mapping[str, Any]) -> str:
-    """Return the SHA-256 (64 hex digits) of everything except the seed that determines a record.
+    """Return the SHA-256 (64 hex digits) of everything that determines a record, except the seed.
 
     Two scenarios have the same record hash if their random streams have the same key and the
     scenarios differ only in keys that concern estimation and scoring.

@@ -73,7 +73,8 @@ class Record:
     true_parameters : ndarray (N, P), optional
         True parameters that act on [t_k, t_{k+1}); column i contains `parameter_names[i]`.
     parameter_names : tuple of str
-        Names of the P parameters: first those of the plant, then those of its nonlinear laws.
+        Names of the P parameters: first the plant parameters, then the parameters of its nonlinear
+        laws.
     valid : ndarray (N,) of bool, optional
         False where a sample is missing; None if no sample is missing.
     scenario : dict
@@ -253,8 +254,9 @@ def _parameters(file: xarray.Dataset) -> dict[str, Any]:
     order = [*parameter_names(model or DEFAULT), *(name for name in LAW_NAMES if name in names)]
     if sorted(names) != sorted(order):
         raise RecordError(
-            f"parameter must name all parameters of a model, such as {', '.join(PARAMETER_NAMES)}, "
-            f"and may name {', '.join(LAW_NAMES)}; it has {names}."
+            "variable 'parameter' must contain all parameter names of a model, such as "
+            f"{', '.join(PARAMETER_NAMES)}, and may also contain {', '.join(LAW_NAMES)}; it "
+            f"contains {names}."
         )
     values = file["true_parameters"].values[:, [names.index(name) for name in order]]
     return {"true_parameters": values, "parameter_names": tuple(order)}
@@ -263,7 +265,7 @@ def _parameters(file: xarray.Dataset) -> dict[str, Any]:
 def _check(record: Record) -> None:
     """Raise a RecordError if a signal is missing, has a wrong shape or contains invalid values."""
     if all(getattr(record, name) is None for name in OUTPUTS):
-        raise RecordError(f"a record needs one of {', '.join(OUTPUTS)}; this one has none.")
+        raise RecordError(f"a record needs one of {', '.join(OUTPUTS)}, but this record has none.")
     samples = np.size(record.time)
     if samples < 2:
         raise RecordError(f"a record needs at least 2 samples; time has {samples}.")
@@ -279,7 +281,7 @@ def _check_array(record: Record, name: str, shape: tuple[int, ...]) -> None:
         return
     if np.shape(values) != shape:
         raise RecordError(
-            f"{name} has shape {np.shape(values)}; with {shape[0]} samples it must be {shape}."
+            f"{name} has shape {np.shape(values)}; with {shape[0]} samples, it must be {shape}."
         )
     bad = ~np.isfinite(values)
     if bad.any():

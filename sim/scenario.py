@@ -71,7 +71,7 @@ class Scenario(Config):
         Name of the plant model (see `flexaxis.models_mjcf.MODEL_NAMES`), and name of a parameter
         set of this model.
     parameters : dict of str to float
-        Parameter values that replace those of the preset [SI units].
+        Parameter values that replace values of the preset [SI units].
     identify : tuple of str
         Names of the parameters to estimate, including inverses such as ``"1/J_a"``.
     start : float
@@ -267,7 +267,7 @@ class Scenario(Config):
 
     @cached_property
     def record_hash(self) -> str:
-        """SHA-256 of everything except seed and repeat that determines a record's signals."""
+        """SHA-256 of everything that determines a record's signals, except seed and repeat."""
         return identity.record_hash(self.resolved())
 
     def resolved(self) -> dict[str, Any]:

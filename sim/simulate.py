@@ -57,7 +57,7 @@ def simulate(
     """
     seeds = [int(seed) for seed in seeds]
     if not seeds or min(seeds) < 0:
-        raise ScenarioError(f"seeds: expected one or more integers of at least 0, got {seeds}.")
+        raise ScenarioError(f"seeds: give one or more integers of at least 0, not {seeds}.")
     grid, runs = scenario.grid, [scenario.drawn(seed) for seed in seeds]
     reference = np.column_stack(
         [

@@ -117,7 +117,7 @@ def finite(subject: Subject) -> Seen:
     for y, where in ((subject.y, "the record"), (spiked, "a spike of 20 standard deviations")):
         if not np.isfinite(subject.run(subject.u, y)).all():
             return False, f"some estimates are not finite with {where}"
-    return True, "all estimates are finite, also with a spike in y"
+    return True, "all estimates are finite, even with a spike in y"
 
 
 def deterministic(subject: Subject) -> Seen:
@@ -130,7 +130,7 @@ def step_equals_run(subject: Subject) -> Seen:
     """Check that `run` gives the same estimates as `step`, and as `step` followed by `run`."""
     mixed, half = subject.make(), len(subject.u) // 2
     if not hasattr(mixed, "run"):
-        return None, "the estimator has no run"
+        return None, "the estimator has no method run"
     first = step(mixed, subject.u[:half], subject.y[:half])
     theta = np.vstack([first, run_estimator(mixed, subject.u[half:], subject.y[half:])])
     each = step(subject.make(), subject.u, subject.y)
@@ -183,7 +183,7 @@ def reset(subject: Subject) -> Seen:
     """Check that a run after `reset` gives the same estimates as the first run."""
     estimator = subject.make()
     if not hasattr(estimator, "reset"):
-        return None, "the estimator has no reset"
+        return None, "the estimator has no method reset"
     run_estimator(estimator, subject.u, subject.y)
     estimator.reset()
     apart = subject.apart(run_estimator(estimator, subject.u, subject.y), subject.theta)
@@ -257,15 +257,15 @@ RULES: dict[Callable[[Subject], Seen], tuple[str, str]] = {
     ),
     no_look_ahead: (
         "θ[k] may use y up to k only; an estimator that sees the future has no lag",
-        "use no smoothing, centred filter or statistics of the whole record in run",
+        "do not use smoothing, centred filters or statistics of the whole record in run",
     ),
     keeps_no_reference: (
         "callers reuse their buffers and keep the returned arrays",
-        "copy inputs that you keep, return a copy of θ, and never write into either",
+        "copy inputs that you keep, return a copy of θ, and do not write into the inputs",
     ),
     reset: (
         "a run after reset must equal the first run",
-        "restore every attribute that step changes to its initial value",
+        "restore the initial value of every attribute that step changes",
     ),
     survives_a_gap: (
         "sensors miss samples (y is None), and a missing sample must not move the estimates",

@@ -103,7 +103,8 @@ class Match:
         "matched" if the noise of the reference is between the noise of two settings. "quieter" or
         "noisier" if the noise of all settings is below or above the noise of the reference.
     sides : tuple of Setting
-        The two settings on both sides of the match, or the nearest setting.
+        The two settings just below and just above the noise of the reference, or the nearest
+        setting.
     reference : Setting
         Setting of the reference.
     kind : {"std", "excess"}

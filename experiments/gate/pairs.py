@@ -44,8 +44,9 @@ class Paired:
         One row per score. The columns ``scenario, parameter, metric, margin`` identify the score.
         The columns ``base`` and ``candidate`` contain means over the pairs [unit of the metric], or
         geometric means if ratios are compared. The column ``changes`` contains an array (n,) with
-        log(candidate/base) or (candidate − base)/``scale``. Its entries are NaN for runs in which
-        either estimator diverged or has no score. ``scale`` is NaN if ratios are compared.
+        log(candidate/base) or (candidate − base)/``scale``. The entries of ``changes`` are NaN for
+        runs in which either estimator diverged or has no score. ``scale`` is NaN if ratios are
+        compared.
     lost : DataFrame
         One row per scenario and seed. The column ``"diverged base"`` and the other three columns
         are true for lost runs. If a run diverged for either estimator, it does not count as never
@@ -102,8 +103,8 @@ def pair(base: pd.DataFrame, candidate: pd.DataFrame, margins: Mapping[str, floa
     both = base.merge(candidate, on=KEY, suffixes=(" base", " candidate"))
     if both["seed"].nunique() < 2:
         raise FlexaxisError(
-            "base and candidate have fewer than 2 runs in common: compare estimators that share a "
-            "parameter, on the same scenarios and seeds"
+            "base and candidate have fewer than 2 runs in common: compare estimators of a common "
+            "parameter on the same scenarios and seeds"
         )
     groups, sides = both.groupby(KIND), dict(zip(SIDES, (base, candidate), strict=True))
     scores = [_score(part, *key, *each) for key, part in groups for each in margins.items()]  # type: ignore[call-arg]
@@ -144,7 +145,7 @@ def _lost(both: pd.DataFrame) -> pd.DataFrame:
 def _score(
     part: pd.DataFrame, scenario: str, parameter: str, metric: str, margin: float
 ) -> dict[str, Any]:
-    """Return one score of both sides, or {} if the score is undefined (a lag without a fault)."""
+    """Return one score of both sides, or {} if it is undefined (such as a lag without fault)."""
 
     def sides(name: str) -> Array:
         return part[[f"{name} base", f"{name} candidate"]].to_numpy(float).T.copy()

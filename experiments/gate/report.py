@@ -102,7 +102,7 @@ def headline(c: Comparison, shown: Sequence[Row]) -> str:
     lost = [way for way in c.lost if way.newly or way.regained]
     clauses += [TEXTS[way.way].format(*way) for way in lost] + [gap.text for gap in c.paired.gaps]  # type: ignore[attr-defined]
     clauses += [f"the {side} failed in {n} runs" for side, n in c.paired.failed.items() if n]
-    return f"{c.verdict.upper()}: {'; '.join(clauses) or 'both sides have no common score'}"
+    return f"{c.verdict.upper()}: {'; '.join(clauses) or 'the estimators have no common score'}"
 
 
 def _scaled(row: Row) -> tuple[Any, str]:

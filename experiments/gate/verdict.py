@@ -39,7 +39,7 @@ median by more than SCATTER median absolute deviations (four standard deviations
 
 
 class Lost(NamedTuple):
-    """Numbers of runs that base and candidate lost in one way, and the verdict on these runs.
+    """Numbers of lost runs of one kind, and the verdict on these runs.
 
     The attribute `newly` is the number of runs that only the candidate lost. The attribute
     `regained` is the number of runs that only the base lost.

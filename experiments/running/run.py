@@ -50,8 +50,9 @@ Pair = tuple[Scenario, Spec]
 ENVIRONMENT = {"PYTHONSAFEPATH": "1"} | dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"
 )
-"""Environment variables of a worker. They limit the worker to one thread. They also keep Python
-from importing modules from the current folder, so that no file there can replace a library."""
+"""Environment variables of a worker. The first variable keeps Python from importing modules from
+the current folder, so that no file there can replace a library. The other variables limit the
+worker to one thread."""
 
 
 class Worker:

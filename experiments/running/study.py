@@ -17,7 +17,7 @@ from flexaxis.sim.errors import ScenarioError
 from flexaxis.sim.scenario import Scenario
 
 Point = dict[str, Any]
-"""Swept values, keyed by dotted key."""
+"""A point of a sweep: the swept values, keyed by dotted key."""
 ALL = "estimator"
 """Prefix of a swept key that sets an option of every estimator."""
 SEEDS_PER_UNIT = 16  # enough for efficient batches, but few enough to show progress
@@ -66,7 +66,7 @@ class Study:
             if twice := [s.name for s in self.scenarios if every.count(getattr(s, key)) > 1]:
                 raise StudyError(
                     f"{self.name}: the scenarios {' and '.join(twice)} have the same {key}, so "
-                    "their results could not be distinguished. Rename one, or leave it out"
+                    "their results could not be distinguished. Change or remove one of them"
                 )
 
     @property
@@ -88,7 +88,7 @@ class Setting:
     Attributes
     ----------
     estimator : str
-        Text of the estimator as in the study.
+        Text of the estimator in the definition of the study.
     text : str
         Text of the estimator with the swept options.
     axes : mapping

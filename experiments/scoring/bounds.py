@@ -91,9 +91,8 @@ class JumpBound:
         Bound for each parameter if only this parameter has changed and all other parameters are
         known.
     learnt : ndarray (n, p)
-        Same bound as `unknown`, for an estimator that must also learn some parameters from the data
-        before the event. These are the parameters without an exact known value (see
-        `true_model.untold`).
+        Same bound as `unknown`, for an estimator that must also learn the parameters without an
+        exact known value (`true_model.untold`) from the data before the event.
     """
 
     unknown: Array

@@ -1,7 +1,7 @@
 """Provide trajectories of estimates for figures of single runs and of all runs of an estimator.
 
-A trajectory contains every tenth sample of a run. Around the first fault, it contains every sample,
-because estimates change fast after a fault.
+A trajectory contains every tenth sample of a run. Around the first fault, a trajectory contains
+every sample, because estimates change fast after a fault.
 """
 
 from collections.abc import Mapping

@@ -117,6 +117,6 @@ def detection_of(track: Track, i: int) -> dict[str, Any] | None:
 
 
 def isolation_of(track: Track, i: int) -> list[dict[str, Any]] | None:
-    """Return the parameters that the estimator names for each fault, the same for every i."""
+    """Return the parameters that the estimator names for each fault, which do not depend on i."""
     del i
     return track.once("isolation", lambda: isolation(track.scenario, track.names, track.findings))

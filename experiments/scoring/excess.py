@@ -46,7 +46,7 @@ def information(scenario: Scenario) -> Array | None:
 
 
 def excess_of(track: Track, i: int) -> float | None:
-    """Return the mean excess error θ̃ᵀMθ̃ before the fault, the same for all parameters."""
+    """Return the mean excess error θ̃ᵀMθ̃ before the fault, which is the same for all parameters."""
     del i
     return track.once("excess", lambda: _excess(track) if track.quiet.size else None)
 

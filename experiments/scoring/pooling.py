@@ -32,7 +32,7 @@ Pool = Callable[[Columns, str], Pooled]
 
 
 def values(columns: Columns, name: str) -> Array:
-    """Return the values of a score that are not NaN."""
+    """Return all values of a score except NaN."""
     x = columns[name]
     return x[~np.isnan(x)]
 

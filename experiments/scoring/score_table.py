@@ -52,8 +52,8 @@ class Score:
     kind : {"number", "integer", "truth", "text"}
         Type of the values in the column.
     parts : mapping of str to str
-        Units of the parts of a score that consists of several numbers, keyed by the name of the
-        part. Each part has its own column.
+        Units of the parts, keyed by name, if the score consists of several numbers. Each part has
+        its own column.
     margin : float, optional
         Largest relative change that `compare` considers negligible. By default, `compare` ignores
         scores without a margin.
@@ -183,7 +183,7 @@ SCORES: Mapping[str, Score] = {
             "excess",
             excess.excess_of,
             "Increase θ̃ᵀQθ̃/σ² of the prediction error due to the errors of all estimated "
-            "parameters before the fault. All parameters have the same value, which does not "
+            "parameters before the fault. The value is the same for all parameters and does not "
             "depend on their units.",
             unit="",
             better="less",

@@ -1,4 +1,4 @@
-"""Implement friction laws that MuJoCo does not provide as one compiled callback.
+"""Implement, in one compiled callback, the friction laws that MuJoCo does not provide.
 
 MuJoCo allows one callback for passive forces per process, and calls this function whenever it
 computes the passive forces. Our callback looks for rows of friction parameters among the custom

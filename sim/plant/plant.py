@@ -70,7 +70,8 @@ class Plant:
         Current angles and speeds of the n masses [rad, rad/s]. These arrays are views of the
         engine's state and change with each step; copy the arrays to keep their values.
     angle_m, speed_m : ndarray (R,)
-        Current angle and speed of the motor [rad, rad/s]. These arrays are views, too.
+        Current angle and speed of the motor [rad, rad/s]. The arrays are views of the engine's
+        state, too.
 
     Raises
     ------

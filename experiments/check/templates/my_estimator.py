@@ -1,8 +1,8 @@
 """My estimator of the motor friction f_m, which uses only NumPy and SciPy.
 
-This template works without changes. It predicts the output with the current estimate, and corrects
-the estimate with recursive least squares. The marks (1) to (3) show good places for your first
-changes.
+This template works without changes. The estimator predicts the output with the current estimate,
+and corrects the estimate with recursive least squares. The marks (1) to (3) show good places for
+your first changes.
 
     flexaxis check my_estimator.py:Mine
     cp my_estimator.py old.py
