@@ -25,9 +25,9 @@ records = simulate(scenario, range(1000, 1008))
 
 
 # %% A detector
-# Without a fault, the ratio of epsilon^2 to its expected value has the mean 1. In every sample, the
-# detector adds this ratio minus DRIFT = 1.5 to a sum, so the sum grows only after a change. When
-# the sum exceeds THRESHOLD, the detector raises an alarm.
+# Without a fault, the ratio of epsilon^2 to its expected value has a mean of 1. In every sample,
+# the detector adds this ratio minus DRIFT = 1.5 to a sum, so the sum grows only after a change.
+# When the sum exceeds THRESHOLD, the detector raises an alarm.
 # Question 1: what are the advantages and disadvantages of a small DRIFT and THRESHOLD?
 #
 # A reset causes a transient, so the detector raises no other alarm for DEAF samples after an alarm.

@@ -2,7 +2,7 @@
 # # A lesson: forgetting
 #
 # In this 45-minute lesson, students close the control loop of a flexible axis, identify the axis while the loop runs, inject a
-# fault, and learn about the trade-off of a forgetting factor. Questions are in *italics*, and the answers are at the end.
+# fault, and learn how a forgetting factor trades noise for speed. Questions are in *italics*, and the answers are at the end.
 #
 # Students need to know the method of least squares. `flexaxis demo` shows the same axis interactively, and
 # [labs](../labs/README.md) 3 to 5 treat forgetting in more detail.
