@@ -189,7 +189,7 @@ def estimated_problems(
     names : iterable of str
         Names of the parameters to estimate, such as `Scenario.identify`.
     scenario : Scenario
-        Scenario in which the parameters are to be estimated.
+        Scenario whose parameters are estimated.
     key : str
         Key that contains `names`; the messages begin with this key.
     besides : sequence of str

@@ -174,8 +174,9 @@ class Scenario(Config):
     def tables(self) -> dict[str, Any]:
         """The tables of axis, control loop and sensors that this scenario uses, keyed by name.
 
-        The attribute `exact` of a table states whether the linear model describes the logged
-        signals despite the table. The method `in_words` describes the effect of the table.
+        The attribute `exact` of a table states whether the linear model still describes the logged
+        signals if a scenario uses the table. The method `in_words` describes the effect of the
+        table.
         """
         return {k: v for k, v in self if isinstance(v, Config) and k != "excitation"}
 
@@ -247,7 +248,7 @@ class Scenario(Config):
         return self.excitation.excited(self.grid)
 
     def events(self) -> tuple[Event, ...]:
-        """Return the changes of the true parameters caused by faults, in order of time.
+        """Return the changes of true parameters that faults cause, in order of time.
 
         A ramp causes one event at its onset. An intermittent fault causes one event at each jump.
         If several changes of the same parameter overlap, the size of each event is the size of its

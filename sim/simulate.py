@@ -39,7 +39,7 @@ def simulate(
     scenario : Scenario
         Scenario to simulate.
     seeds : sequence of int
-        Seeds of the runs, integers of at least 0.
+        Seeds of the runs, which are integers of at least 0.
     repeat : int
         Index of the repetition. Repetitions of a run have the same excitation and the same faults,
         but different noise.

@@ -256,7 +256,7 @@ RULES: dict[Callable[[Subject], Seen], tuple[str, str]] = {
         "start run from the current state, and keep the state after the last sample",
     ),
     no_look_ahead: (
-        "θ[k] may use y up to k only; an estimator that sees the future has no lag",
+        "θ[k] may use y only up to sample k; an estimator that sees the future has no lag",
         "do not use smoothing, centred filters or statistics of the whole record in run",
     ),
     keeps_no_reference: (

@@ -117,7 +117,7 @@ def overall(rows: Sequence[Row]) -> list[dict[str, Any]]:
     -------
     list of dict
         Dicts with the keys ``estimator, score, score_interval, how, faults, leads, values``. The
-        best estimator is first. The mean is over all faults that have a bound. A missing score
+        best estimator is first. The mean includes all faults that have a bound. A missing score
         counts as 0. ``how`` is "quieter" if, for some faults, all settings are quieter than the
         reference;
         the score is then a lower limit. ``how`` is "noisier" if, for some faults, all settings are

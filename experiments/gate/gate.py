@@ -168,7 +168,7 @@ def look_seeds(seeds: Sequence[int], most: int) -> list[list[int]]:
     """
     if len(seeds) < 2 or 0 < most < len(seeds):
         raise FlexaxisError(
-            f"give at least 2 seeds (32 are recommended), and not more --seeds ({len(seeds)}) than "
+            f"give at least 2 seeds (32 are recommended), and no more --seeds ({len(seeds)}) than "
             f"--max-seeds ({most})"
         )
     every, sizes = [*seeds, *range(seeds[-1] + 1, seeds[-1] + 1 + most)], [len(seeds)]

@@ -72,7 +72,7 @@ def _find(structure: Any, value: int) -> int:
     raise SimulationError(
         f"friction laws do not work with MuJoCo {mujoco.__version__}, because the layout of its "
         "structures is unknown; install mujoco 4.0",
-        run=0, time=0.0, reason="unknown layout of the engine",
+        run=0, time=0.0, reason="the layout of the engine is unknown",
     )  # fmt: skip
 
 

@@ -71,7 +71,7 @@ class Multisine(Config):
         return range(first, int(np.floor(self.high * self.period + slack)) + 1)
 
     def sampling_problems(self, period: float) -> Iterator[tuple[str, str]]:
-        """Yield (key, message) for each key that is incompatible with the sampling period [s]."""
+        """Yield the name and a message for each key that is incompatible with a period [s]."""
         if self.high * period >= 0.5:
             yield "high", f"must be below half the sampling rate, {0.5 / period:g} Hz"
         if abs(self.period / period - sample_index(self.period, period)) > 1e-6:

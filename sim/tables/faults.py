@@ -35,7 +35,7 @@ Point = Annotated[
     Field(strict=False),  # arrays in TOML become tuples
 ]
 A_SAMPLE = "a sample at least"
-"""Mark of times that must be at least one sample; shorter times would be rounded to zero."""
+"""Annotation of times that must be at least one sample, because less would be rounded to 0."""
 
 Span = Annotated[Positive, A_SAMPLE]
 
