@@ -1,7 +1,7 @@
 """The command `flexaxis`: it prints results on stdout, and progress and errors on stderr.
 
 Each command is a function in a module of `flexaxis.experiments.commands`, registered by
-`options.command`. The functions contain the slow imports, so that `--help` is fast.
+`options.command`. Slow modules are imported inside the functions, so that `--help` is fast.
 """
 
 import argparse
@@ -41,7 +41,7 @@ exit status:
 
 
 class Parser(argparse.ArgumentParser):
-    """An argument parser that suggests a known word if a word is unknown."""
+    """An argument parser that suggests the nearest known word for an unknown word."""
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         """Parse the command line; reject unknown options and extra words."""
@@ -80,7 +80,7 @@ def parser() -> Parser:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a command and return its exit status."""
-    # NumPy reads these at import. Small matrices are several times slower with many threads.
+    # NumPy reads these variables at import. Many threads slow small matrices down several times.
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     words = list(sys.argv[1:] if argv is None else argv)

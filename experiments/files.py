@@ -20,11 +20,11 @@ class OutputError(FlexaxisError):
 
 
 class StudyError(FlexaxisError):
-    """A study is invalid or cannot continue; the message has one line for each problem."""
+    """A study is invalid or cannot continue. The message has one line for each problem."""
 
 
 class NotRun(FlexaxisError):
-    """Disk space or memory ran out before all cases were run; the same command resumes the run."""
+    """Disk space or memory ran out before all cases were run. The same command resumes the run."""
 
 
 @contextmanager
@@ -56,20 +56,20 @@ def new_file(path: Path) -> Iterator[Path]:
     Raises
     ------
     OutputError
-        If the file cannot be written; the old file is then unchanged.
+        If the file cannot be written. The old file is then unchanged.
     """
     with writing(path), atomic(path) as part:
         yield part
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text file atomically; `new_file` describes the errors."""
+    """Write a text file atomically. `new_file` describes the errors."""
     with new_file(path) as part:
         part.write_text(text, encoding="utf-8")
 
 
 def write_json(path: Path, content: Any) -> None:
-    """Write a value as strict, indented JSON; `new_file` describes the errors."""
+    """Write a value as strict, indented JSON. `new_file` describes the errors."""
     text = json.dumps(content, allow_nan=False, ensure_ascii=False, indent=1)
     write_text(path, text + "\n")
 
@@ -123,9 +123,9 @@ def optional_package(name: str) -> Any:
     Raises
     ------
     StudyError
-        If the package is not installed; the message says how to install it.
+        If the package is not installed. The message says how to install it.
     """
     try:
         return import_module(name)
     except ImportError as error:
-        raise StudyError(f"this needs {name}: python -m pip install {name}") from error
+        raise StudyError(f"install the package {name}: python -m pip install {name}") from error

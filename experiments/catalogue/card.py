@@ -1,4 +1,4 @@
-"""The description of a scenario: its purpose, its events and the scores that are defined for it."""
+"""The description of a scenario: its purpose, its events and its defined scores."""
 
 import inspect
 import re

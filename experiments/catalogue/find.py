@@ -1,4 +1,4 @@
-"""The catalogue: find scenarios and suites by name or path, and list them.
+"""Find scenarios and suites in the catalogue by name or path, and list them.
 
 Slow modules are imported only after the names are checked, so a typo is reported at once.
 """
@@ -22,7 +22,7 @@ HOME = Path(str(files("flexaxis.experiments.catalogue")))
 HASHES = "hashes.toml"
 STREAMS = "streams.toml"
 DRAWN = "-v2"
-"""Suffix of scenarios that are like their version -v1, but draw the onset for each seed."""
+"""Suffix of the scenarios that draw the time of the fault (onset) for each seed."""
 SPREAD = 3.0  # `onset_spread` of every scenario with the suffix -v2 [s]
 SCORED = 5.0  # shortest time from the latest possible onset in -v2 to the end of the run [s]
 
@@ -67,7 +67,7 @@ Line = dict[str, str]
 class Suite:
     """The scenarios, estimators and number of seeds of a benchmark.
 
-    Scenarios are names in the catalogue or, in the result of `select`, Scenario objects. The
+    The scenarios are names or, in the result of `select`, Scenario objects. The
     `swept_estimators` are compared at equal noise on the `swept_scenarios`.
     """
 
@@ -106,7 +106,7 @@ def _tables(place: str) -> dict[str, Any]:
 
 
 def full_name(name: str) -> str:
-    """Return the full name of a scenario; a name without a suffix gets the suffix -v1."""
+    """Return the full name of a scenario. A name without a suffix gets the suffix -v1."""
     return f"{name}-v1" if f"{name}-v1" in hashes() else name
 
 
@@ -193,8 +193,8 @@ def find_suite(name: str) -> Suite:
 def _members(table: dict[str, Any]) -> list[str]:
     """Return the names of a suite's scenarios, given the table in the suite's file.
 
-    The table lists groups, excluded groups, or names. For a group, the result contains the version
-    -v2 of each scenario or, if there is no such version, the version -v1.
+    The table lists groups, excluded groups, or names. For a group, the result contains version -v2
+    of each scenario, or version -v1 if there is no -v2.
     """
     if "groups" not in table and table["scenarios"] != "all":
         return list(table["scenarios"])
@@ -248,7 +248,7 @@ def scenarios(*, group: str = "", find: str = "") -> list[Line]:
     group : str
         Group to list (default: all groups).
     find : str
-        Text that a listed scenario must contain, in upper or lower case.
+        Text that the listed scenarios contain. Upper and lower case are equivalent.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The commands; each command reads its options, calls the Python interface and prints the result.
+"""The commands. Each command reads its options, calls the Python interface and prints the result.
 
 `options` declares all options, and `run`, `judge`, `look` and `axis` contain the commands.
 """

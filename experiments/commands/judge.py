@@ -120,10 +120,11 @@ def check(args: Args) -> int:
 
 @command("path")
 def new(args: Args) -> int:
-    """Write a template for your own estimator; the template is itself a working estimator.
+    """Write a template for your own estimator. The template is itself a working estimator.
 
     In Python, the template is a class. In C and GNU Octave, the template is a program that
-    communicates through a pipe; docs/pipes.md describes the protocol for other languages.
+    communicates through a pipe. See docs/pipes.md for the protocol, which you can also use in other
+    languages.
 
     example:
       flexaxis new my_estimator.py

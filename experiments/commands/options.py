@@ -71,7 +71,7 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
         "fault (default: the groups of scenarios, and the suites).",
         {"nargs": "?", "choices": ("scenarios", "suites", "estimators", "faults")},
     ),
-    "file STUDY.toml": ("TOML file that defines the study; docs/studies.md lists all keys.", PATH),
+    "file STUDY.toml": ("TOML file that defines the study (see docs/studies.md).", PATH),
     "record RECORD.nc": ("Record that `flexaxis simulate` or `flexaxis import` wrote.", PATH),
     "folder DIR": ("Results folder of a run or a study.", PATH),
     "path FILE.py|c|m": ("File to write: Python (.py), C (.c) or GNU Octave (.m).", PATH),
@@ -92,7 +92,7 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "estimate: --estimator E": (f"{ESTIMATOR} (default: %(default)s).",
                                 {"default": "rpem-forgetting"}),
     "track: --estimator E": f"{ESTIMATOR} (default: ekf, or glr for an axis with dry friction).",
-    "demo: --estimator E": (f"{ESTIMATOR}. Give the option twice; both estimators run on the same "
+    "demo: --estimator E": (f"{ESTIMATOR}. Give the option twice. Both estimators run on the same "
                             "data (default: the estimators of the lesson, else rpem-forgetting and "
                             "glr).", SEVERAL),
     "--base E": "Estimator to compare the candidate with, such as old.py:Mine.",
@@ -115,7 +115,7 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
                  "core, here %(default)s).", {"type": int, "default": os.cpu_count() or 1}),
     "--dask ADDRESS": "Address of the scheduler of a Dask cluster that runs the cases (default: "
     "processes on this machine).",
-    "--shard I/N": ("Run only shard I of N; `flexaxis run --from` merges finished shards (default: "
+    "--shard I/N": ("Run only shard I of N. `flexaxis run --from` merges finished shards (default: "
                     "1/1).", {"type": part, "default": (1, 1)}),
     "--from DIR": ("Merge the finished shards in these folders into the folder given by -o, "
                    "without running any case (default: none).",
@@ -143,18 +143,18 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "--strict": "Exit with status 3 whenever the verdict is undecided (default: only in the cases "
     "listed above).",
     "--sweep SCENARIO": ("Run several settings of each estimator on this scenario, instead of "
-                         "tuning; repeat the option for several scenarios (default: tune).",
+                         "tuning. Repeat the option for several scenarios (default: tune).",
                          SEVERAL),
     "--save FILE.toml": ("Also write the settings to this file (default: only print them).", PATH),
     # logs of a real axis
     "--model MODEL": ("Model: one_mass, two_mass, three_mass, or a TOML file (default: "
                       "%(default)s).", {"default": "two_mass"}),
     "track: --model AXIS.toml": ("Axis file that `flexaxis identify` wrote.", {"required": True}),
-    "--free PARAMETER": ("Identify only this parameter; repeat the option for several (default: "
+    "--free PARAMETER": ("Identify only this parameter. Repeat the option for several (default: "
                          "all parameters that the log determines).", SEVERAL),
-    "--fix PARAMETER[=VALUE]": ("Hold this parameter at VALUE [SI], or at its start value; repeat "
+    "--fix PARAMETER[=VALUE]": ("Hold this parameter at VALUE [SI], or at its start value. Repeat "
                                 "the option for several (default: hold none).", VALUES),
-    "identify: --start PARAMETER=VALUE": ("Start value of a parameter for the search [SI]; repeat "
+    "identify: --start PARAMETER=VALUE": ("Start value of a parameter for the search [SI]. Repeat "
                                           "the option for several (default: estimated from the "
                                           "log).", VALUES),
     "track: --start F": ("Initial estimate as a multiple of the identified value, to test "
@@ -162,7 +162,7 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "--delay S": ("Known delay of the torque [s] (default: the delay is identified).", NUMBER),
     "--friction LAW": (
         "Dry friction of the motor: none, coulomb or stribeck (default: auto, which chooses the "
-        "law that simulates held-out pieces of the log best).", {"default": "auto"},
+        "law that best simulates held-out pieces of the log).", {"default": "auto"},
     ),
     "--gravity LAW": ("Gravity torque: none, or sine for a sum of sine and cosine of the angle "
                       "(default: auto, which chooses sine if the log contains such a torque).",
@@ -170,13 +170,13 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "--validate OTHER": ("Second log, for testing the simulations and predictions of the "
                          "identified model (default: none).", PATH),
     "--identify PARAMETER": (
-        "Parameter to track, or its inverse, such as 1/J_l; for several, write 1/J_l,k or repeat "
+        "Parameter to track, or its inverse, such as 1/J_l. For several, write 1/J_l,k or repeat "
         "the option.", {"required": True, **SEVERAL},
     ),
     "--covariate NAME": ("Column with a quantity, such as a temperature, that may explain why the "
-                         "estimates differ between the logs of a folder; repeat the option for "
+                         "estimates differ between the logs of a folder. Repeat the option for "
                          "several (default: none).", SEVERAL),
-    "--false-alarms P": ("Probability of a false alarm: the report on a folder of logs names a "
+    "--false-alarms P": ("Probability of a false alarm: the report on a folder of logs shows a "
                          "change, although no parameter changed (default: 0.01).",
                          {"type": float, "default": 0.01}),
     # the live axis
@@ -231,11 +231,11 @@ def answer(args: Args, content: Mapping[str, Any], status: int = 0, *lines: obje
     args : Args
         Arguments of the command line.
     content : mapping
-        Result that is printed with ``--json``; numbers that are not finite become null.
+        Result to print with ``--json``. Numbers that are not finite become null.
     status : int
         Exit status, which this function returns.
     *lines : object
-        Result that is printed without ``--json``; each object is one line or block of text.
+        Result to print without ``--json``. Each object is one line or block of text.
     """
     if args.json:
         head = {"flexaxis": version("flexaxis"), "command": args.command, "status": status,

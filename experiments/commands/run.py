@@ -71,7 +71,7 @@ def study(args: Args) -> int:
       "rpem-forgetting.forgetting" = [0.99, 0.995]  # an option ("estimator.X": of all estimators)
 
     A case is one run of one estimator on one record. The command stores the result of each case
-    immediately. If you repeat the command, it runs only missing cases, also after you have added
+    immediately. If you repeat the command, it runs only missing cases, even if you have added
     estimators, seeds or values to the file. If a case fails, its row contains the error; the exit
     status is then 1, or 70 after a crash. Except in a dry run, the command runs the code of the
     estimators in the file, so use only files that you trust.

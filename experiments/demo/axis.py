@@ -1,4 +1,4 @@
-"""Simulate the axis in closed loop; parameters, friction, sensor and excitation can be changed."""
+"""Simulate the axis in closed loop. Parameters, friction, sensor and excitation can be changed."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -29,7 +29,7 @@ FRICTION: Mapping[str, Mapping[str, Any]] = {
         }
     },
 }  # fmt: skip
-"""Choices of dry friction: the tables of a scenario, keyed by the name of the choice.
+"""Scenario tables for each choice of dry friction, keyed by the name of the choice.
 
 For comparison, the rms torque of the motor is 0.85 N m.
 """
@@ -38,7 +38,7 @@ SENSORS: Mapping[str, Mapping[str, Any]] = {
     "speed with noise": {},
     "encoder, 2048 counts": {"output": "angle", "encoder": {"counts": 2048}},
 }
-"""Choices of the sensor of the motor: keys of a scenario, keyed by the name of the choice.
+"""Scenario keys for each choice of the motor sensor, keyed by the name of the choice.
 
 An encoder rounds the motor angle to the nearest count and has no other noise.
 """
@@ -165,7 +165,7 @@ class LiveAxis:
             self._plant.angles[:], self._plant.speeds[:] = old.angles, old.speeds
 
     def advance(self, samples: int) -> tuple[Array, Array, NDArray[np.bool_]]:
-        """Simulate the next samples; `samples` is the number of samples.
+        """Simulate the next samples. `samples` is the number of samples.
 
         Returns
         -------

@@ -31,11 +31,11 @@ SINCE = {"time": False, "distr": 3, "range": (PERIOD, LENGTH * PERIOD)}
 TWIST = 100.0
 """Magnification of the joint twist in the picture."""
 LATEST = 8
-"""Number of changes that the table shows; the latest change comes first."""
+"""Number of changes that the table shows. The latest change comes first."""
 
 
 class Page:
-    """The page of a session; a lock prevents clicks from interfering with the simulation.
+    """The page of a session. A lock prevents clicks from interfering with the simulation.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ class Page:
     paused : bool
         Whether a viewer has paused the session.
     steps : int
-        Number of requested single steps (`MARK` samples each) that are not simulated yet.
+        Number of requested single steps (`MARK` samples each) that have not been simulated yet.
     """
 
     def __init__(self, server: Any, session: DemoSession, acts: list[dict[str, Any]]) -> None:
@@ -184,7 +184,7 @@ class Page:
 
 
 def _plot(gui: Any, title: str, lines: Sequence[tuple[str, str]], **scales: Any) -> Any:
-    """Add a plot of lines, each with a label and a colour; a plot of six or more has no legend."""
+    """Add a plot of labelled, coloured lines. A plot of six or more lines has no legend."""
     series = [
         {"label": label, "stroke": colour, "width": 0.5 if label == EDGE else 1.5}
         for label, colour in lines

@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 NAMES = PAPER
 SHOWN = (*NAMES, "f_c")
-"""Names of the parameters on the page; only estimators that track dry friction estimate f_c."""
+"""Names of the parameters on the page. Only estimators that track dry friction estimate f_c."""
 HYPOTHESES = (*SHOWN, "another")
 """Hypotheses on the page; "another" stands for the most likely of the other parameters."""
 WATCHED = sample_index(5.0, PERIOD)
@@ -49,7 +49,7 @@ class Racer:
     output : str
         Name of the signal that the estimator receives.
     tuning : mapping of str to float, optional
-        Values of options in `TUNING`; the estimator's own values by default.
+        Values of options in `TUNING` (default: the estimator's own values).
 
     Attributes
     ----------
@@ -121,7 +121,7 @@ class Racer:
         return columns
 
     def watch(self) -> None:
-        """Start to record probabilities and detections, and delete those of earlier changes."""
+        """Delete old probabilities and detections, and start to record new ones."""
         self.thoughts, self._changed = [], self._seen
 
     def run(self, torque: Array, measured: Array) -> Array:
@@ -151,7 +151,7 @@ class Racer:
         Raises
         ------
         EstimatorError, FlexaxisError
-            If the estimator has no such option or rejects the value; the estimator then keeps its
+            If the estimator has no such option or rejects the value. The estimator then keeps its
             options.
         """
         if option not in self.tuning:

@@ -42,7 +42,7 @@ ACTIONS = (
 
 
 class DemoSession:
-    """A live axis and two estimators; methods change the axis and tune the estimators.
+    """A live axis and two estimators. Methods change the axis and tune the estimators.
 
     The caller decides when samples are simulated, and draws the results.
 

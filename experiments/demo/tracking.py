@@ -1,6 +1,6 @@
 """The errors of both estimators after a change of the axis, and the Cramér–Rao bound.
 
-Only samples at which the reference moves are used, as docs/scores.md explains.
+The errors and bounds use only samples at which the reference moves (see docs/scores.md).
 """
 
 from collections.abc import Sequence
@@ -23,9 +23,9 @@ LENGTH = sample_index(WINDOW, PERIOD)
 class Change:
     """The errors of both estimators after a change, and lower bounds of these errors.
 
-    The errors are divided by the size of the change. They are close to 1 just after the change, and
-    0 if an estimate is correct. If an estimator does not estimate the changed parameter, its error
-    is 1 throughout.
+    The errors are divided by the size of the change, so they are close to 1 just after the change,
+    and 0 for a correct estimate. If an estimator does not estimate the changed parameter, its error
+    is always 1.
 
     Parameters
     ----------

@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 STRIDE = 4
 """Number of samples between successive frames in the window."""
 WAYS = {"egl": "EGL", "osmesa": "OSMesa"}
-"""Libraries that render without a display, keyed by the value of MUJOCO_GL; the best is first."""
+"""Libraries that render without a display, keyed by the value of MUJOCO_GL. The best is first."""
 
 
 def view(
@@ -42,7 +42,7 @@ def view(
     Parameters
     ----------
     run : str, Path, Scenario or Record
-        Record to show, or a scenario (or its name or path), which is simulated first.
+        Record to show, or scenario to simulate and show, also by its name or path.
     seed : int
         Random seed of the simulation.
     at : float
@@ -132,7 +132,7 @@ def _draw(mujoco: Any, model: Any, data: Any, path: Path) -> None:
 
 
 def _replay(mujoco: Any, model: Any, data: Any, angles: Array, period: float) -> None:
-    """Replay the angles (N, n) [rad] in a window, in real time; closing it ends the replay."""
+    """Replay the angles (N, n) [rad] in a window. Closing the window ends the replay."""
     try:
         viewer = import_module("mujoco.viewer").launch_passive(model, data)
     except Exception as error:

@@ -1,8 +1,8 @@
 """The Python interface of flexaxis: simulate, estimate, score, compare and benchmark.
 
 Import the package with ``import flexaxis as fx``. Names are imported on first use, so this import
-takes only milliseconds. The modules in this folder are short, because they call functions of
-`flexaxis.sim`, `flexaxis.estimators` and `flexaxis.experiments`.
+takes only milliseconds. The modules in this folder mostly call functions of `flexaxis.sim`,
+`flexaxis.estimators` and `flexaxis.experiments`.
 """
 
 from importlib import import_module

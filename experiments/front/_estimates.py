@@ -45,7 +45,7 @@ class Estimate:
     names : tuple of str
         Names of the estimated parameters.
     theta : ndarray (N, p)
-        Estimates in SI units; θ[k] is computed from y[0] to y[k].
+        Estimates in SI units. The row θ[k] is computed from y[0] to y[k].
     record : Recording
         The record that the estimator processed.
     scenario : Scenario
@@ -84,7 +84,7 @@ class Estimate:
         return true_values(self.names, self.record, slice(None))
 
     def plot(self, *names: str, ax: Any = None, band: bool = True) -> Any:
-        """Draw the estimates over time, one panel per parameter; true values are dashed.
+        """Draw the estimates over time, one panel per parameter. True values are dashed.
 
         Parameters
         ----------
@@ -255,7 +255,7 @@ def check(estimator: EstimatorLike) -> pd.DataFrame:
     Parameters
     ----------
     estimator : str or class
-        An estimator, as for `estimate`.
+        Estimator to check, as for `estimate`.
 
     Returns
     -------

@@ -46,7 +46,7 @@ class LogResult:
     record : Record or None
         The record that was read from the log.
     axis : Axis or None
-        The identified axis; its method `save` writes the axis file that the commands read.
+        The identified axis. Its method `save` writes the axis file that the commands read.
     """
 
     result: Any
@@ -144,7 +144,7 @@ def identify(
     start : mapping of str to float, optional
         Start values of the search, keyed by parameter.
     fix : mapping of str to float or None, optional
-        Values of the parameters to hold constant; None stands for the nominal value.
+        Values of the parameters to hold constant. None stands for the nominal value.
     validate : path or record, optional
         Second log, for testing the simulations and predictions of the identified model.
     covariates : sequence of str

@@ -63,7 +63,7 @@ class Recording(Record):
         return draw(panels, ax, self.definition)
 
     def save_log(self, path: Path, style: LogStyle) -> None:
-        """Write a CSV log without true values; `style` defines units, jitter, gaps and counts."""
+        """Write a CSV log without true values. `style` defines units, jitter, gaps and counts."""
         write_log(path, self, style, stream(self.hash, self.seed or 0, "log"))
 
     def to_dataframe(self) -> pd.DataFrame:
@@ -242,8 +242,8 @@ class Axis:
     def __init__(self, scenario: Scenario, *, seed: int = 0) -> None:
         if scenario.delay.torque_ticks:
             raise FlexaxisError(
-                f"{scenario.name} delays the torque, but this axis applies the torque of your code "
-                "at once: delay the torque yourself, and remove `delay` from the scenario"
+                f"{scenario.name} delays the torque, but `make_axis` does not support a delay: "
+                "delay the torque in your own code, and remove `delay` from the scenario"
             )
         seed = seed_of(seed)
         self.scenario = scenario = scenario.drawn(seed)
@@ -320,7 +320,7 @@ def make_axis(
     ScenarioError
         If there is no such scenario or key, or a value is not allowed.
     FlexaxisError
-        If the scenario delays the torque; delay the torque in your own code instead.
+        If the scenario delays the torque.
 
     Examples
     --------

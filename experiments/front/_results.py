@@ -36,7 +36,7 @@ SHOWN = (
     "scenario", "estimator", "parameter", "lag", "lag_interval", "t10", "std", "bias", "score",
     "diverged", "failed", "runs",
 )  # fmt: skip
-"""Columns of the table of pooled scores; the table of a study also contains the swept keys."""
+"""Columns of the table of pooled scores. The table of a study also contains the swept keys."""
 TURNED = (
     "scenario", "parameter", "setting", "lag", "lag_interval", "std", "lag_bound", "diverged",
 )  # fmt: skip
@@ -159,7 +159,7 @@ def benchmark(
     ------
     FlexaxisError, EstimatorError
         If a name does not exist, or an estimator cannot be constructed. An estimator that fails on
-        a record raises no error; the rows of that case contain the error message (see
+        a record raises no error. The rows of that case contain the error message (see
         `Results.failures`).
     """
     suite = select(scenarios)
@@ -189,7 +189,7 @@ def study(definition: str | Path | dict[str, Any], *, folder: Place = None, **wo
     Raises
     ------
     StudyError
-        If the definition is invalid; the message contains one line for each problem.
+        If the definition is invalid. The message contains one line for each problem.
     """
     is_file = isinstance(definition, str | Path)
     planned = load_study(definition) if is_file else study_from(definition)  # type: ignore[arg-type]
@@ -268,9 +268,10 @@ def compare(
     seeds, **work
         Options with the same meaning as for `benchmark`.
     runs : two paths, optional
-        Folders of two finished runs to compare; in this case, no estimator is run.
+        Folders of two finished runs to compare. In this case, no estimator is run.
     max_seeds : int
-        Largest number of seeds. While the verdict is undecided, seeds are added up to this number.
+        Largest number of seeds. While the verdict is undecided, further seeds are run, up to this
+        number.
     match_std : bool
         Whether to tune both estimators to the same noise, and then compare only the lag. The noise
         is the std of the parameter that changes or, if several parameters change, the excess
@@ -289,8 +290,9 @@ def compare(
     Raises
     ------
     FlexaxisError
-        If the two estimators have fewer than two runs in common. With `match_std`, also if an
-        estimator has no tuning parameter or cannot be tuned to the noise of the reference.
+        If the two estimators have fewer than two runs in common. With `match_std`, the error also
+        occurs if an estimator has no tuning parameter or cannot be tuned to the noise of the
+        reference.
     """
     checked = gate.check_margins(margins or {})
     sides = [text_of(each) if each else "" for each in (base, candidate)]
@@ -358,8 +360,8 @@ def tune(
     *estimators : str
         Estimators to tune (default: all registered estimators with a tuning parameter).
     sweep : str, Path, Scenario, or several of them
-        Scenarios with a fault. If given, the function does not tune the estimators, but runs them
-        on these scenarios at several settings.
+        Scenarios with a fault. If scenarios are given, the function runs the estimators on them at
+        several settings, instead of tuning the estimators.
     seeds : int, str or iterable of int
         Seeds, as for `benchmark`.
     folder : str or Path, optional
@@ -374,7 +376,7 @@ def tune(
     DataFrame or Sweep
         One row per estimator, or a `Sweep` if `sweep` is given. The columns are ``estimator,
         problem, setting, knob, value, match`` and ``ratio``, the noise of the estimator divided by
-        the noise of the reference. ``problem`` is the reason why no setting matches, or empty.
+        the noise of the reference. If no setting matches, ``problem`` gives the reason.
     """
     numbers = seeds_of(seeds, 16)
     names, lines = estimators or [n for n, entry in REGISTRY.items() if entry.knob], []

@@ -39,7 +39,7 @@ SIZES = {"nominal": 30, "long": 8, "calm": 30, "others": 16}
 """Numbers of runs of the scenarios.
 
 "nominal" is the paper's experiment, and "long" is a version of 60 s. In "calm", the estimates start
-at the true parameters. Each scenario with a standstill or a fault has the number "others".
+at the true parameters. The number "others" is for each scenario with a standstill or a fault.
 """
 STRIDE = 20
 """Number of samples between two stored values of P."""
@@ -75,11 +75,10 @@ class Evidence:
     scenario : Scenario
         Scenario of the paper's experiment.
     scenarios : dict of str to Scenario
-        Scenario of the paper's experiment (``"nominal"``), and variants in which the estimates
-        start at the true parameters: the same experiment (``"calm"``), a longer one of 60 s
-        (``"long"``), one with a standstill (``"pause"``), one with a step fault of each identified
-        parameter (keyed by the parameter), and one with a small step fault of each parameter (such
-        as ``"small f_m"``).
+        Scenarios, keyed by name. ``"nominal"`` is the paper's experiment. In the other scenarios,
+        the estimates start at the true parameters: ``"calm"`` is the same experiment, ``"long"``
+        lasts 60 s, and ``"pause"`` contains a standstill. A key such as ``"f_m"`` stands for a step
+        fault of an identified parameter, and a key such as ``"small f_m"`` for a smaller step.
     onset : int
         Index of the first sample after the fault. All scenarios with a fault have the same onset.
     model : Parametrization
@@ -151,7 +150,7 @@ class Evidence:
         return self.gradient_power(self.reference)
 
     def adaptation(self, method: Method) -> ByName:
-        """Return the options of `Rpem` for a method; time constants are converted to a matrix Δ."""
+        """Return the options of `Rpem` for a method. Time constants are converted to a matrix Δ."""
         if isinstance(method, str):
             return self.adaptations[method]
         return {"drift": drift_for(method, self.Q, period=self.period)}
@@ -180,7 +179,7 @@ class Evidence:
     def filtered(self, group: str, method: Method, *, mu: float = 0.0, prior: float = 0.0) -> Runs:
         """Run the recursive prediction-error method on each record of a group.
 
-        P(0) is computed using eq. (29) or (30) if the estimates start at nominal values, and using
+        P(0) follows from eq. (29) or (30) if the estimates start at nominal values, and from
         `recipe` otherwise.
 
         Parameters
@@ -192,8 +191,8 @@ class Evidence:
         mu : float
             Regularisation μ of eq. (12).
         prior : float
-            Relative standard deviation of the estimates to which P is reset at the onset of the
-            fault; 0 means no reset.
+            Relative standard deviation of the estimates for a reset of P at the onset of the fault;
+            0 means no reset.
         """
         theta, P, nominal, start = [], [], self.theta, self.scenarios[group].start
         P0 = self.steady_P(method) if start == 1 else self.recipe(method)

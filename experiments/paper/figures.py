@@ -1,4 +1,4 @@
-"""Figures 3 to 9 of the paper; each function draws one figure from the measures and returns it."""
+"""Figures 3 to 9 of the paper. Each function draws one figure from the measures and returns it."""
 
 from collections.abc import Iterable, Mapping
 from functools import partial

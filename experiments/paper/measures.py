@@ -38,7 +38,7 @@ BAND = (40.0, 188.0)
 ORDERS = (10, 30, 40)
 """Orders of the ARX models."""
 SLOW = (3 * (1.2,), 3 * (2.4,))
-"""Two designs: time constants of the three parameters, longer than those of the plant [s]."""
+"""Two designs with time constants [s] that are longer than those of the plant."""
 MU = (0.1, 1.0, 10.0)
 """Values of μ in eq. (12) for which P(0) is below the bound of P."""
 WINDOW = 1000
@@ -48,7 +48,7 @@ LAST = 2000
 
 
 def worst(ratios: ArrayLike) -> Array:
-    """Return the ratio farthest from 1 in each column (S, p); ratios below 1 are inverted."""
+    """Return the ratio farthest from 1 in each column (S, p). Ratios below 1 are inverted."""
     return np.exp(np.abs(np.log(ratios)).max(axis=0))
 
 
@@ -68,7 +68,7 @@ def std(runs: Runs) -> Array:
 
 
 class Measures(Evidence):
-    """The measures that test the claims; each public method computes one measure."""
+    """The measures that test the claims. Each public method computes one measure."""
 
     def prediction_error(self) -> Any:
         """Return the rms error of ŷ at the true parameters divided by the rms of the true speed."""
@@ -99,7 +99,7 @@ class Measures(Evidence):
                 for i, j in np.argwhere(slope)}  # fmt: skip
 
     def gradient_error(self) -> ByName:
-        """Return, for each parameter, the relative difference of ψ and a finite difference of ŷ."""
+        """Return the relative error of ψ against a finite difference of ŷ for each parameter."""
         model = self.axis.parametrize(self.axis.parameters)
         torque = self.records("nominal")[0].torque[:WINDOW]
         both = partial(predict, model, u=torque, period=self.period)
@@ -182,9 +182,9 @@ class Measures(Evidence):
         }
 
     def free_scale(self) -> ByName:
-        """Return the condition number of an identification with a free scale.
+        """Return the condition number if the common scale of the parameters is identified as well.
 
-        The second value is the number of parameters that no warning mentions.
+        The second value is the number of parameters without a warning.
         """
         run = self.identified(self.axis.parameters[:-1], 1.0)  # all parameters except r, the last
         warned = " ".join(run.warnings)

@@ -23,7 +23,7 @@ def reproduce(folder: Path) -> tuple[list[dict[str, Any]], Path]:
     Returns
     -------
     claims : list of dict
-        Content of claims.json; each claim has the keys ``id, claim, source, measured, expected,
+        Content of claims.json. Each claim has the keys ``id, claim, source, measured, expected,
         holds``.
     page : Path
         Path of the page.

@@ -1,4 +1,4 @@
-"""Draw the figures of flexaxis; each function draws one figure and returns a matplotlib Figure.
+"""Draw the figures of flexaxis. Each function draws one figure and returns a matplotlib Figure.
 
 Pages, the methods `.plot()`, notebooks, the docs and the paper use these functions. A page uses the
 tags that `styles.tag` sets to hide estimators and to show values on hover. Figures are 430 px wide,
@@ -100,7 +100,7 @@ def curves(
     axes : sequence of Axes, optional
         Matplotlib axes, one for each panel (default: axes of a new figure).
     looks : mapping of str to Style
-        Styles of the estimators of a page, keyed by estimator. A page has its own legend; without
+        Styles of the estimators of a page, keyed by estimator. A page has its own legend. Without
         `looks`, each panel has a legend.
     """
     axes = new(60 + 200 * len(panels), len(panels)) if axes is None else axes
@@ -135,7 +135,7 @@ def _usual(ax: Axes) -> tuple[float, float] | None:
 
 
 def _draw(ax: Axes, one: Series, looks: Looks) -> None:
-    """Draw a series; a line without points gets about five evenly spaced markers."""
+    """Draw a series. A line without points gets about five evenly spaced markers."""
     who, usual = one.estimator, look(one.estimator or "another", looks)
     own = usual | ROLES.get(one.role, {}) | ({"color": usual["color"]} if who else {})
     label, pointed = one.label or who or one.role, one.kind in ("points", "both")
@@ -161,7 +161,7 @@ def logarithmic(axis: Any) -> None:
 
 
 def _interval(ax: Axes, place: float, parts: Any, who: str, tip: str, **own: Any) -> None:
-    """Draw a value as a dot and its interval as a horizontal line; `place` is the ordinate."""
+    """Draw a value as a dot and its interval as a horizontal line. `place` is the ordinate."""
     value, *ends = parts
     tag(ax.hlines(place, *ends, color=own["color"]), who, tip)
     tag(ax.plot(value, place, ls="", mec=styles.BACK, ms=6, **own)[0], who, tip)
@@ -236,7 +236,8 @@ def medians(
     window : (float, float)
         Begin and end of the time window to draw [s].
     banded : sequence of str
-        Names of the estimators with a band from the 10 % to the 90 % quantile of the runs.
+        Names of the estimators whose curves have a band from the 10 % to the 90 % quantile of the
+        runs.
     """
     series = []
     for who, own in traces.items():
@@ -348,11 +349,11 @@ def score_map(
     Parameters
     ----------
     cells : DataFrame
-        Values of the score; the index is the ordinate and the columns are the abscissa.
+        Values of the score. The index is the ordinate and the columns are the abscissa.
     title, x, y : str
         Title and axis labels.
     limits : (float, float)
-        Limits of the colour scale; maps are comparable only if they have the same limits.
+        Limits of the colour scale. Maps are comparable only if they have the same limits.
     """
     (ax,), (low, high) = new(90 + 60 * len(cells)), limits
     # the colour scale ends at 10 × high, so that all cells are light and black text is readable
@@ -385,7 +386,7 @@ def verdict_intervals(rows: Sequence[Mapping[str, Any]], *, axes: Axes | None = 
     ax, names = axes or new(60 + 24 * len(shown))[0], []
     for place, row in enumerate(shown):
         parts = np.array([row["change"], *row["interval"], row["margin"] or 0])
-        # The logarithmic scale cannot show a ratio of 0 or below; such a ratio is drawn at 0.01.
+        # The logarithmic scale cannot show a ratio of 0 or below. Such a ratio is drawn at 0.01.
         *ratios, margin = np.maximum(1 + parts / (row["scale"] or 1), 0.01)
         name = f"{row['metric']} of {row['parameter']}, {row['scenario']}: {row['verdict']}"
         tip = f"{name}, × {short(ratios[0])} ({between(ratios[1:])})"

@@ -1,8 +1,8 @@
 """Make pages: single HTML files that contain their figures as SVG and need no network.
 
 All pages extend one template. Readers can select the text of a figure. The colours are variables of
-the style sheet, which has a dark mode. The curves of each estimator have a CSS class, with which
-the script of the page hides them.
+the style sheet, which has a dark mode. The curves of each estimator have a CSS class, so that the
+script of the page can hide them.
 """
 
 import html
@@ -35,7 +35,7 @@ def render(template: str, *, looks: Looks, **content: Any) -> str:
         Path of a template in `flexaxis.experiments`, such as ``"reporting/templates/run.html"``.
         The template extends ``reporting/templates/page.html``, which requires a `title`.
     looks : mapping of str to Style
-        Styles of the estimators that the page can hide, as `styles.assigned` returns them.
+        Styles, from `styles.assigned`, of the estimators that the page can hide.
     **content
         Values of the template's variables. Text is escaped. A missing variable is an error.
     """
@@ -92,13 +92,13 @@ def _opened(group: re.Match[str]) -> str:
 
 
 def slug(text: str) -> str:
-    """Return an HTML id for a text; different texts have different ids."""
+    """Return an HTML id for a text. Different texts have different ids."""
     plain = re.sub(r"\W+", "-", text).strip("-")
     return plain if plain == text else f"{plain}-{crc32(text.encode()):x}"
 
 
 def symbols(text: str) -> Markup:
-    """Convert a text to HTML: symbols such as f_m get a subscript, and `code` becomes code.
+    """Convert a text to HTML, with subscripts in symbols such as f_m, and `code` as code.
 
     Examples
     --------

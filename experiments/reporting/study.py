@@ -54,7 +54,7 @@ def render(results: Results) -> str:
 
 
 def numeric_axes(results: Results) -> list[str]:
-    """Return the swept keys that have several numeric values; keys of faults come first."""
+    """Return the swept keys that have several numeric values. Keys of faults come first."""
     axes = results.frame[list(results.axes)].select_dtypes("number")
     return sorted(axes.columns[axes.nunique() > 1], key=lambda axis: not axis.startswith("fault"))
 

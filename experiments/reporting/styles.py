@@ -68,7 +68,7 @@ STYLES = [
     for turn in range(len(NINE))
     for i, one in enumerate(NINE)
 ]
-"""The nine styles, followed by styles with the same colours, other dashes and hollow markers."""
+"""The nine styles, followed by styles with the same colours but other dashes and hollow markers."""
 
 # Indices of the fixed styles of common estimators and parameters. The reference is a solid blue
 # line.
@@ -105,7 +105,7 @@ def look(estimator: str, looks: Mapping[str, Style]) -> dict[str, Any]:
     estimator : str
         Name of the estimator.
     looks : mapping of str to Style
-        Styles as `assigned` returns them. The function `style` gives the style of any other
+        Styles from the function `assigned`. The function `style` gives the style of any other
         estimator.
     """
     own = looks.get(estimator) or style(estimator)
@@ -134,7 +134,7 @@ def symbols(text: str) -> str:
 def assigned(names: Iterable[str]) -> dict[str, Style]:
     """Assign styles to the estimators of a page, and return the styles in the order of `names`.
 
-    Common estimators have fixed styles; the other estimators get the remaining styles in order.
+    Common estimators have fixed styles. The other estimators get the remaining styles in order.
     Options in brackets affect the style only if the same estimator appears several times on the
     page.
 
@@ -156,7 +156,7 @@ def assigned(names: Iterable[str]) -> dict[str, Style]:
 
 
 def style(estimator: str) -> Style:
-    """Return the style of an estimator outside a page, which depends only on its name."""
+    """Return the style of an estimator outside a page. The style depends only on the name."""
     others = range(len(NINE), len(STYLES))
     return STYLES[_PLACES.get(_base(estimator), others[crc32(estimator.encode()) % len(others)])]
 

@@ -29,7 +29,7 @@ LEGEND = (
 
 def as_text(*tables: Table) -> str:
     """Convert tables to text that fits the terminal, or 200 columns for a file or a pipe."""
-    # The log of a CI build is a file; all names fit into 200 columns.
+    # The log of a CI build is a file. All names fit into 200 columns.
     console = Console(width=None if sys.stdout.isatty() else 200)
     with console.capture() as capture:
         console.print(*map(_shown, tables))

@@ -78,7 +78,7 @@ def happens(definition: Row) -> str:
 
 
 def order_of(summary: Row) -> list[str]:
-    """Return the estimators of a run in the order of their rank; unranked estimators come last."""
+    """Return the estimators of a run in the order of their rank. Unranked estimators come last."""
     ranked = [row["estimator"] for row in (summary.get("tradeoff") or {}).get("overall", ())]
     return list(dict.fromkeys([*ranked, *summary["estimators"]]))
 
@@ -137,7 +137,7 @@ def warning(rows: Sequence[Row], scenarios: Mapping[str, Row]) -> tuple[str, str
     rows : sequence of mapping
         Pooled scores at default settings.
     scenarios : mapping of str to mapping
-        Mappings that contain the `definition` of a scenario, keyed by name.
+        Entries of summary.json with the `definition` of each scenario, keyed by name.
 
     Returns
     -------
@@ -168,7 +168,7 @@ def failures_in_words(failures: Sequence[Row]) -> list[tuple[str, int]]:
     Parameters
     ----------
     failures : sequence of mapping
-        Failed cases; each mapping contains `scenario`, `estimator`, `seed` and `error`.
+        Failed cases. Each mapping contains `scenario`, `estimator`, `seed` and `error`.
     """
     texts: dict[str, list[str]] = {}
     for row in failures:
