@@ -270,7 +270,7 @@ def _changed_problems(change: Fault, scenario: Scenario) -> Iterator[Problem]:
     if text:
         yield "parameter", text
     elif law in FIXED:
-        yield "parameter", f"{law} of {FIXED[law]} cannot change during a run"
+        yield "parameter", f"{law} of the table {FIXED[law]} cannot change during a run"
     elif law not in known:
         yield "parameter", unknown("parameter", parameter, known)
     if change.factor > 0:

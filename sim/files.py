@@ -85,7 +85,7 @@ def read_text(path: Path, refuse: Refusal) -> str:
     except OSError as error:
         raise refuse(f"{path}: cannot be read: {error.strerror or error}") from error
     except UnicodeDecodeError as error:
-        raise refuse(f"{path}: not UTF-8 text: byte {error.start} is not valid") from error
+        raise refuse(f"{path}: the file is not UTF-8 text (see byte {error.start})") from error
 
 
 def toml_tables(text: str, *, source: str, refuse: Refusal) -> dict[str, Any]:

@@ -61,7 +61,7 @@ class Scenario(Config):
     card, group : str, optional
         Description of the purpose of the scenario, and group of the scenario in the catalogue.
     difficulty : {"easy", "medium", "hard"}, optional
-        Difficulty for a good estimator.
+        Difficulty of the scenario for a good estimator.
     period : float
         Sampling period T [s] of controller and signals; 1/T is an integer.
     substeps : int, optional

@@ -123,7 +123,7 @@ def finite(subject: Subject) -> Seen:
 def deterministic(subject: Subject) -> Seen:
     """Check that two runs on the same record give the same estimates."""
     apart = subject.apart(subject.run(subject.u, subject.y), subject.theta)
-    return apart == 0, f"two runs differ by {apart:.2g} of nominal"
+    return apart == 0, f"two runs differ by {apart:.2g} (relative to nominal)"
 
 
 def step_equals_run(subject: Subject) -> Seen:
@@ -135,7 +135,7 @@ def step_equals_run(subject: Subject) -> Seen:
     theta = np.vstack([first, run_estimator(mixed, subject.u[half:], subject.y[half:])])
     each = step(subject.make(), subject.u, subject.y)
     apart = max(subject.apart(t, subject.theta) for t in (each, theta))
-    return apart < 1e-9, f"estimates of step and run differ by {apart:.2g} of nominal"
+    return apart < 1e-9, f"estimates of step and run differ by {apart:.2g} (relative to nominal)"
 
 
 def no_look_ahead(subject: Subject) -> Seen:
@@ -152,7 +152,7 @@ def no_look_ahead(subject: Subject) -> Seen:
         if wrong.size:
             return False, (
                 f"a change of the samples after {cut} changed the estimate at sample {wrong[0]}, "
-                f"{cut + 1 - wrong[0]} samples earlier, by {apart[wrong].max():.2g} of nominal"
+                f"{cut + 1 - wrong[0]} samples earlier, by {apart[wrong].max():.2g} × nominal"
             )
     return True, f"no estimate changed when later samples ({', '.join(map(str, CUTS))} …) changed"
 
@@ -187,7 +187,7 @@ def reset(subject: Subject) -> Seen:
     run_estimator(estimator, subject.u, subject.y)
     estimator.reset()
     apart = subject.apart(run_estimator(estimator, subject.u, subject.y), subject.theta)
-    return apart < 1e-9, f"after reset, a run differs from the first by {apart:.2g} of nominal"
+    return apart < 1e-9, f"runs before and after reset differ by {apart:.2g} (relative to nominal)"
 
 
 def survives_a_gap(subject: Subject) -> Seen:

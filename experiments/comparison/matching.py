@@ -117,7 +117,7 @@ class Match:
     kind: Noise
 
     def apart(self, side: Setting, runs: Any = slice(None)) -> float:
-        """Return the logarithm of a setting's noise, divided by the noise of the reference."""
+        """Return the log of the ratio between a setting's noise and the noise of the reference."""
         return side.log(self.kind, runs) - self.reference.log(self.kind, runs)
 
     @property

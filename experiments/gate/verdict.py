@@ -70,7 +70,7 @@ def judge(paired: Paired, *, alpha: float = ALPHA) -> pd.DataFrame:
         One row per score, the most important first. The columns include ``scenario, metric,
         parameter, verdict, runs, pairs``. ``base`` and ``candidate`` are means over the pairs, or
         geometric means if ratios are compared. ``change`` is candidate/base − 1, and ``interval``
-        is the interval for ``change``. For a bias, which has a ``scale``, both are differences.
+        is the interval for ``change``. For a bias, both numbers are differences, not ratios.
         ``margin`` has the unit of ``change``. ``p`` is the p-value without correction for multiple
         tests. ``reason`` explains why a clear change is undecided. The reason is "few" if there are
         too few runs to exclude rare failures. The reason is "far" if the mean is better, but at

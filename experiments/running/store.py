@@ -68,7 +68,7 @@ class Store:
     Parameters
     ----------
     folder : Path or None
-        Folder of the database; a missing folder is created. None keeps the rows in memory.
+        Folder of the database; a missing folder is created. If None, the rows stay in memory.
     overwrite : bool
         Whether to remove existing rows.
 

@@ -38,7 +38,7 @@ class EstimatorCrash(EstimatorError):
 
 
 def names_code(text: str) -> bool:
-    """Return whether a text contains a colon, that is, names a user's file, module or program.
+    """Return whether a text names a user's file, module or program; such a text has a colon.
 
     Examples
     --------

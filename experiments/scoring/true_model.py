@@ -1,4 +1,4 @@
-"""Build the estimators' model with an axis's true laws and parameters, and its gradient."""
+"""Build the estimators' model with the true laws and parameters of an axis, and its gradient."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -118,7 +118,7 @@ CASES = [
      "friction or lugre or static_friction", ""),
     (FAULT.replace("f_m", "f_s"), "fault[0].parameter: the plant has no f_s: add the ", ""),
     ("stiffening.gear = 1e4\n" + FAULT.replace("f_m", "kappa"),
-     "fault[0].parameter: kappa of stiffening cannot change during a run", ""),
+     "fault[0].parameter: kappa of the table stiffening cannot change during a run", ""),
     ("identify = ['k_T', 'f_c']", "identify[1]: the plant has no f_c: add the table", ""),
     ("friction.coulomb = 0.1\nidentify = ['f_c', 'f_c']",
      "identify[1]: 'f_c' repeats 'f_c': name each parameter once", ""),
