@@ -59,7 +59,9 @@ def test_a_record_has_them_after_the_twelve_and_keeps_them(tmp_path):
     assert np.array_equal(load_record(path).true_parameters, record.true_parameters)
     with h5py.File(path, "r+") as file:
         file["parameter"][0] = "sigma_7"
-    with pytest.raises(RecordError, match=r"may also contain f_c, f_s, .*; it contains \['sigma_7'"):
+    with pytest.raises(
+        RecordError, match=r"may also contain f_c, f_s, .*; it contains \['sigma_7'"
+    ):
         load_record(path)
 
 
