@@ -65,7 +65,6 @@ def test_imports_follow_the_arrows(path):
 COMMANDS_MAY = (
     "flexaxis.sim.errors", "flexaxis.experiments.commands.",
     "flexaxis.experiments.files",
-    "flexaxis.experiments.logs.units.LogStyle",
     "flexaxis.experiments.logs.options", "flexaxis.experiments.reporting.terminal",
 )  # fmt: skip
 """Files and errors; what `answer` cannot print; options of logs, as they are declared."""

@@ -33,8 +33,8 @@ def import_(args: Args) -> int:
 
     LOG is a file: a text table, MAT (all versions), HDF5 or NetCDF. The command checks time stamps,
     gaps, wrapping of the angle, clipping, the update rates of the signals, units, resolution,
-    outliers, the type of the torque signal, signs, and filtering of the speed. For each problem, it
-    prints an option that solves the problem.
+    outliers, the type of the torque signal, and signs. For each problem, it prints an option that
+    solves the problem.
 
     example:
       flexaxis import log.csv --torque current --angle motor_pos --unit angle=deg -o rec.nc

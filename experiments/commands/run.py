@@ -147,28 +147,26 @@ def rerun(args: Args) -> int:
     return answer(args, {"rows": rows.to_dict("records"), "worst": worst}, status, words)
 
 
-@command("scenario", "--seed", "-o", "--as-log", "--units", "--jitter", "--gaps",
-         "--counts")  # fmt: skip
+@command("scenario", "--seed", "-o", "--as-log", "--units", "--gaps", "--counts")
 def simulate(args: Args) -> int:
     """Simulate a scenario and save the record: measured signals and true values.
 
     With --as-log, the command instead writes a log like one from a real robot. The log has no true
-    values, and can have other units, jittering time stamps and gaps. Use such a log to practise
+    values, and can have other units and gaps. Use such a log to practise
     `import` and `identify`.
 
     example:
       flexaxis simulate fm_step --seed 0 -o rec.nc
       flexaxis simulate coulomb_fm_step --as-log csv --units deg,A,ms --counts 65536 -o log.csv
-      flexaxis simulate moves_fm_step --as-log csv --jitter 2e-4 --gaps 3 -o log.csv
+      flexaxis simulate moves_fm_step --as-log csv --gaps 3 -o log.csv
     """
-    from flexaxis.experiments.logs.units import LogStyle
-
     fx.check_names([args.scenario])
-    units = tuple(filter(None, args.units.split(",")))
-    style, ending = LogStyle(units, args.jitter, args.gaps, args.counts or 0), args.as_log or "nc"
+    style = {"units": [*filter(None, args.units.split(","))], "gaps": args.gaps,
+             "counts": args.counts or 0}  # fmt: skip
+    ending = args.as_log or "nc"
     path = args.output or Path(f"{Path(args.scenario).stem}-{args.seed}.{ending}")
-    if style != LogStyle() and not args.as_log:
-        raise FlexaxisError("--units, --jitter, --gaps and --counts apply to logs: add --as-log")
+    if any(style.values()) and not args.as_log:
+        raise FlexaxisError("--units, --gaps and --counts apply to logs: add --as-log")
     if path.suffix != f".{ending}":
         raise FlexaxisError(f"-o {path}: use a name that ends in .{ending}")
     check_not_input([args.scenario], path)
@@ -177,7 +175,7 @@ def simulate(args: Args) -> int:
     if not args.as_log:
         record.save(path)
         return answer(args, content, 0, path)
-    record.save_log(path, style)
+    record.save_log(path, **style)
     line = f"flexaxis import '{path}' --torque-is held"
     return answer(args, content | {"import": line}, 0, f"To import it: {line}", path)
 

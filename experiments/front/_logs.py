@@ -179,7 +179,7 @@ def identify(
     other = None if validate is None else validated(_read(validate, columns).record, result.axis)
     title = f"{result.axis.model.name} from {record.versions.get('log', 'a record')}"
     page = pages.identification_page(result, record.period, other, title)
-    content = pages.content(result, other)
+    content = pages.content(result, page.remarks)
     return LogResult(
         result, page, content, page.table, result.axis.save,
         int(bool(content["warnings"])), record, result.axis,
@@ -216,10 +216,7 @@ def track(
     spec = parse(estimator or tracking.default_estimator(known))
     read = _read(log, columns)
     result = tracking.track(read.record, known, spec, identify=parameters, start=start)
-    page = pages.track_page(
-        result, spec.text, problems=texts_of(read.checks, "problem"),
-        log=read.record.versions.get("log", "a record"),
-    )  # fmt: skip
+    page = pages.track_page(result, spec.text, read.record.versions.get("log", "a record"))
     content = page.table.to_dict() | {
         "fit": result.fit,
         "alarms": result.alarms.tolist(),

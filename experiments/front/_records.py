@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.logs.units import LogStyle, write_log
+from flexaxis.experiments.logs.units import write_log
 from flexaxis.experiments.reporting.figures import Series, around, curves
 from flexaxis.experiments.reporting.styles import SETTINGS
 from flexaxis.experiments.running.cache import default_cache
@@ -62,9 +62,9 @@ class Recording(Record):
             panels[f"{name.replace('_', ' ')} [{SIGNALS[name][0]}]"] = [one]
         return draw(panels, ax, self.definition)
 
-    def save_log(self, path: Path, style: LogStyle) -> None:
-        """Write a CSV log without true values. `style` defines units, jitter, gaps and counts."""
-        write_log(path, self, style, stream(self.hash, self.seed or 0, "log"))
+    def save_log(self, path: Path, **style: Any) -> None:
+        """Write a CSV log without true values. `style` has the options of `units.write_log`."""
+        write_log(path, self, stream(self.hash, self.seed or 0, "log"), **style)
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return the record as a DataFrame with one row per sample, indexed by time [s].

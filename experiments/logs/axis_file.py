@@ -9,14 +9,13 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.models.axes import MODELS, model_from_tables
 from flexaxis.estimators.models.model import Model
 from flexaxis.experiments.files import write_text
-from flexaxis.experiments.logs.findings import LogError
-from flexaxis.sim.conflicts import explain
+from flexaxis.experiments.logs.findings import LogError, checked
 from flexaxis.sim.errors import did_you_mean
 from flexaxis.sim.files import read_toml, toml_text
 from flexaxis.sim.record import Record
@@ -113,14 +112,10 @@ class Axis:
 
     def save(self, path: Path) -> None:
         """Write the axis as TOML."""
-        content = dict(self.tables) | {"delay": self.delay}
-        if self.noise is not None:
-            content["whitening"] = list(self.whitening)
-        for key in ("noise", "offset", "error", "rate"):
-            if getattr(self, key) not in {None, 0.0}:
-                content[key] = getattr(self, key)
-        tables = {"nominal": self.model.nominal, "deviation": self.deviation, "beside": self.beside}
-        content |= {key: dict(table) for key, table in tables.items() if table}
+        content = dict(self.tables) | {"nominal": dict(self.model.nominal)}
+        for key, usual in _Keys():
+            if (value := getattr(self, key)) != usual:
+                content[key] = value
         if self.model.laws:
             parts = ("drive", "acts", "parameters")
             content["law"] = [
@@ -148,8 +143,11 @@ def find_axis(text: str) -> Axis:
             f"{', '.join(MODELS)}; your own is a path to a .toml file"
         )
     tables = read_toml(path, LogError)
+    kept = {key: tables[key] for key in (*_MODEL, "law") if key in tables}
+    own = {key: tables[key] for key in tables if key not in {*kept, "nominal"}}
+    keys = vars(checked(_Keys, own, path))
     try:
-        return _from_tables(tables)
+        return Axis(model_from_tables(tables), kept, known=True, **keys)
     except EstimatorError as error:
         raise LogError(f"{path}: {error}") from error
 
@@ -164,21 +162,9 @@ class _Keys(BaseModel):
     noise: float | None = None
     error: float | None = None
     rate: float | None = None
-    whitening: list[float] = [1.0]
+    whitening: tuple[float, ...] = Field((1.0,), strict=False)
     deviation: dict[str, float] = {}
     beside: dict[Literal["g_sin", "g_cos"], float] = {}
-
-
-def _from_tables(tables: Mapping[str, Any]) -> Axis:
-    kept = {k: tables[k] for k in (*_MODEL, "law") if k in tables}
-    own = {k: tables[k] for k in tables if k not in {*kept, "nominal"}}
-    try:
-        keys = vars(_Keys(**own))
-    except ValidationError as error:
-        lines = (f"{key}: {text}" for key, text in explain(error, _Keys))
-        raise EstimatorError("; ".join(lines)) from error
-    keys["whitening"] = tuple(keys["whitening"])
-    return Axis(model_from_tables(tables), kept, known=True, **keys)
 
 
 def is_smooth(record: Record) -> bool:
@@ -186,11 +172,14 @@ def is_smooth(record: Record) -> bool:
     return record.versions.get("torque") == "smooth"
 
 
+def valid_of(record: Record) -> NDArray[np.bool_]:
+    """Return the samples (N,) of a record whose output is valid."""
+    return np.ones(len(record.time), bool) if record.valid is None else record.valid
+
+
 def usable(record: Record) -> NDArray[np.bool_]:
     """Return the samples (N,) of a record whose output is valid and that follow the burn-in."""
-    ok = np.ones(len(record.time), bool) if record.valid is None else record.valid.copy()
-    ok[record.time - record.time[0] < record.burn_in] = False
-    return ok
+    return valid_of(record) & (record.time - record.time[0] >= record.burn_in)
 
 
 def output_of(record: Record) -> str:

@@ -16,7 +16,6 @@ from typing import Literal
 import numpy as np
 from numpy.polynomial.legendre import legvander
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 from scipy.stats import f, median_abs_deviation
 
 Array = NDArray[np.float64]
@@ -27,7 +26,7 @@ Look = Callable[[Array], tuple[Array, Array]]
 WINDOWS = 40  # number of windows of a record
 FALSE_ALARMS = 0.002  # probability that a change is reported in a record without a change
 SMALLEST = 0.02  # smallest relative change that is reported
-STEPS, REACH = 6, 4.0  # maximum number of evaluations of a fit; maximum factor on a parameter
+STEPS, REACH = 5, 2.0  # number of steps of a fit; maximum factor on a parameter in a step
 QUIET, USUAL = 0.25, 5.0  # quantile of the windows' deviations; maximum multiple of this quantile
 FEWEST = 8  # minimum number of values; the scatter of fewer values is unknown
 SEEN = 0.25  # maximum standard deviation of a relative step in the middle that can be detected
@@ -47,7 +46,8 @@ class Explained:
         Indices of the extremes of the change, in order of time. `end` is the first value after a
         step.
     size, deviation : float
-        Size of the step, or of the drift from `begin` to `end`, and its standard deviation.
+        Size of the step, or of the drift from `begin` to `end`, relative to the level, and its
+        standard deviation.
     level : float
         Value before the change, at the mean of the covariates.
     slopes, slope_deviations : ndarray (q,)
@@ -73,23 +73,20 @@ class Explained:
     chance: float = 1.0
 
 
-def explain(
-    value: Array, deviation: Array, covariates: Array | None = None, *, false_alarms: float
-) -> Explained:
+def explain(value: Array, deviation: Array, covariates: Array, *, false_alarms: float) -> Explained:
     """Fit a sequence with covariates, and with one change if that change is significant.
 
     Parameters
     ----------
     value, deviation : ndarray (n,)
         Estimates in order of time, and their reported standard deviations.
-    covariates : ndarray (n, q), optional
+    covariates : ndarray (n, q)
         Covariates of each estimate.
     false_alarms : float
         Upper bound of the probability of reporting a change in a sequence without a change.
     """
     n = len(value)
-    beside = np.empty((n, 0)) if covariates is None else covariates - covariates.mean(axis=0)
-    base: Array = np.column_stack([np.ones(n), beside])
+    base: Array = np.column_stack([np.ones(n), covariates - np.sum(covariates, axis=0) / n])
     rest = value - base @ np.linalg.lstsq(base, value)[0]
     scatter = float(median_abs_deviation(np.diff(rest), scale="normal")) / np.sqrt(2)
     weight = 1 / np.maximum(np.hypot(deviation, scatter), 1e-300)
@@ -97,18 +94,15 @@ def explain(
     if n < FEWEST:
         return constant
     cubic = np.asarray(legvander(np.linspace(-1, 1, n), DEGREE)[:, 1:], float)
-    steps = (np.arange(n)[:, None] >= np.arange(EDGE, n - EDGE + 1)).astype(float)
-    known = np.linalg.qr(base * weight[:, None])[0]
-    H = steps * weight[:, None]
-    H -= known @ (known.T @ H)
-    gains = (H.T @ (value * weight)) ** 2 / np.maximum(np.sum(H**2, axis=0), 1e-300)
-    step = _fitted("step", steps[:, [int(np.argmax(gains))]], base, value, weight)
+    steps = (np.arange(n) >= np.arange(EDGE, n - EDGE + 1)[:, None]).astype(float)
+    every = (_fitted("step", step[:, None], base, value, weight) for step in steps)
+    step = min(every, key=lambda one: one.left)
     drift = _fitted("drift", cubic, base, value, weight)
     chances = []
     for fit, size in ((step, 1), (drift, DEGREE)):
         freedom = n - base.shape[1] - size
         ratio = (constant.left / fit.left - 1) * freedom / size
-        chances.append((len(gains) + 1) * float(f.sf(ratio, size, freedom)))  # Bonferroni's bound
+        chances.append((len(steps) + 1) * float(f.sf(ratio, size, freedom)))  # Bonferroni's bound
     if min(chances) > false_alarms:
         return constant
     # Bayesian information criterion; a step has two parameters: its position and its size
@@ -125,11 +119,12 @@ def _fitted(kind: Kind, shape: Array, base: Array, value: Array, weight: Array) 
     left = float(np.sum(((value - fitted) * weight) ** 2)) + 1e-300
     begin, end = sorted((int(np.argmin(change)), int(np.argmax(change))))
     spread = np.sqrt(max(left / len(value), 1.0)) * inverse
+    level = float(beta[0] + change[begin])
+    one = max(abs(level), 1e-300)
     return Explained(
-        kind, begin, end, float(change[end] - change[begin]),
-        float(np.linalg.norm((shape[end] - shape[begin]) @ spread[q:])),
-        float(beta[0] + change[begin]), beta[1:q], np.linalg.norm(spread[1:q], axis=1), fitted,
-        left,
+        kind, begin, end, float(change[end] - change[begin]) / one,
+        float(np.linalg.norm((shape[end] - shape[begin]) @ spread[q:])) / one, level, beta[1:q],
+        np.linalg.norm(spread[1:q], axis=1), fitted, left,
     )  # fmt: skip
 
 
@@ -159,10 +154,15 @@ class Change:
     @property
     def text(self) -> str:
         """A clause that describes the change."""
-        size = f"{100 * self.relative:+.1f} ± {100 * self.deviation:.1f} %"
-        if self.kind == "step":
-            return f"{self.name} changed by {size} at {self.time:.1f} s"
-        return f"{self.name} drifts by {size} from {self.time:.1f} s to {self.end:.1f} s"
+        return clause(self.name, self, self.relative, f"{self.time:.1f} s", f"{self.end:.1f} s")
+
+
+def clause(name: str, one: Change | Explained, size: float, begin: str, end: str) -> str:
+    """Return a clause that describes a step at `end`, or a drift from `begin` to `end`."""
+    text = f"by {100 * size:+.1f} ± {100 * one.deviation:.2g} %"
+    if one.kind == "step":
+        return f"{name} changed {text} at {end}"
+    return f"{name} drifts {text} from {begin} to {end}"
 
 
 def changes_along(
@@ -196,14 +196,14 @@ def changes_along(
     theta = _fitted_to(look, np.ones(len(time), bool), theta)
     error, psi = look(theta)
     changes, unseen = changes_in(time, error, psi * theta, names)
-    first = changes[:1]
-    if first and first[0].kind == "drift":
-        return [change for change in changes if change.kind == "drift"], unseen
-    for at in (change.time for change in first):
+    if changes and changes[0].kind == "step":
+        at = changes[0].time
         before, after = (_fitted_to(look, side, theta) for side in (time < at, time >= at))
         sizes = dict(zip(names, (after / before - 1).tolist(), strict=True))
         changes = [replace(one, relative=sizes[one.name]) for one in changes if one.time == at]
-    return [change for change in changes if abs(change.relative) >= SMALLEST], unseen
+    else:
+        changes = [one for one in changes if one.kind == "drift"]
+    return [one for one in changes if abs(one.relative) >= SMALLEST], unseen
 
 
 def changes_in(
@@ -234,43 +234,37 @@ def changes_in(
     for name, x, sd in zip(names, local.T, spread.T, strict=True):
         if np.median(sd) * 2 / np.sqrt(len(sd)) >= SEEN:
             unseen.append(name)
-        one = explain(1 + x, sd, false_alarms=FALSE_ALARMS / len(names))
-        relative, deviation = one.size / one.level, one.deviation / one.level
-        if one.kind == "constant" or abs(relative) < SMALLEST:
+        one = explain(1 + x, sd, edges[:, :0], false_alarms=FALSE_ALARMS / len(names))
+        if one.kind == "constant" or abs(one.size) < SMALLEST:
             continue
         begin, end = float(edges[one.begin, 0]), float(edges[one.end, 1])
         if one.kind == "step":
             begin = end = float(edges[one.end - 1, 1] + edges[one.end, 0]) / 2
-        changes.append(Change(name, one.kind, begin, end, relative, deviation))
+        changes.append(Change(name, one.kind, begin, end, one.size, one.deviation))
     sure = lambda change: -abs(change.relative) / max(change.deviation, 1e-300)  # noqa: E731
     return sorted(changes, key=sure), unseen
 
 
 def _windows(time: Array, error: Array, J: Array, p: int) -> tuple[Array, Array, Array]:
     """Return times (m, 2), estimates (m, p) and deviations (m, p) of the m informative windows."""
-    rows = []
-    for k in np.array_split(np.arange(len(time)), WINDOWS):
-        if len(k) > 10 * J.shape[1]:
-            inverse = np.linalg.pinv(J[k], rcond=1e-8)
-            x, sd = inverse @ error[k], np.linalg.norm(inverse, axis=1)
-            left = np.std(error[k] - J[k] @ x)
-            sd = np.where(sd > 0, left * sd, np.inf)
-            rows.append([*time[k[[0, -1]]], *x[:p], *sd[:p], left])
-    edges, x, sd, rest = np.split(np.reshape(rows, (-1, 3 + 2 * p)), [2, 2 + p, 2 + 2 * p], axis=1)
-    if not rows:
-        return edges, x, sd
+    parts = [k for k in np.array_split(np.arange(len(time)), WINDOWS) if len(k) > 10 * J.shape[1]]
+    inverses = [np.linalg.pinv(J[k], rcond=1e-8) for k in parts]
+    every = [one @ error[k] for one, k in zip(inverses, parts, strict=True)]
+    left = np.array([np.std(error[k] - J[k] @ x) for x, k in zip(every, parts, strict=True)])
+    x = np.reshape(every, (-1, J.shape[1]))[:, :p]
+    if not parts:
+        return x, x, x
+    sd = np.array([np.linalg.norm(one[:p], axis=1) for one in inverses])
+    sd = np.where(sd > 0, left[:, None] * sd, np.inf)
     seen = (sd <= USUAL * np.quantile(sd, QUIET, axis=0, method="lower")).all(axis=1)
-    seen &= rest[:, 0] <= USUAL * np.median(rest[seen])
-    return edges[seen], x[seen], sd[seen]
+    seen &= left <= USUAL * np.median(left[seen])
+    return time[np.array([k[[0, -1]] for k in parts])][seen], x[seen], sd[seen]
 
 
 def _fitted_to(look: Look, inside: Flags, theta: Array) -> Array:
     """Fit the parameters (p,) to the samples `inside` with a few steps of least squares."""
-    fit = least_squares(
-        lambda x: look(theta * x)[0][inside],
-        np.ones(len(theta)),
-        jac=lambda x: -(look(theta * x)[1] * theta)[inside],
-        bounds=(1 / REACH, REACH),
-        max_nfev=STEPS,
-    )
-    return theta * fit.x
+    for _ in range(STEPS):
+        error, psi = look(theta)
+        step = np.linalg.lstsq((psi * theta)[inside], error[inside])[0]
+        theta = theta * np.clip(1 + step, 1 / REACH, REACH)
+    return theta

@@ -1,11 +1,14 @@
-"""Findings about a log, each with its severity, text and remedy; the error for an unusable log."""
+"""Findings about a log, each with its severity, text and remedy; errors for unusable logs."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
+from pydantic import BaseModel, ValidationError
+
+from flexaxis.sim.conflicts import explain
 from flexaxis.sim.errors import FlexaxisError
 
 Kind = Literal["problem", "note", "info", "ok"]
@@ -15,6 +18,22 @@ MARKS: dict[Kind, str] = {"problem": "✗", "note": "!", "info": "·", "ok": "�
 
 class LogError(FlexaxisError):
     """A log cannot be read or used; the message gives the reason and the next step."""
+
+
+def checked(kind: type[BaseModel], tables: Mapping[str, Any], source: object) -> Any:
+    """Convert nested tables, such as those of a TOML file, to a pydantic model of type `kind`.
+
+    Raises
+    ------
+    LogError
+        If a key is unknown or has a wrong value; the message has a line for each such key, which
+        begins with `source`.
+    """
+    try:
+        return kind(**tables)
+    except ValidationError as error:
+        lines = (f"{source}: {key}: {text}" for key, text in explain(error, kind))
+        raise LogError("\n".join(lines)) from error
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from importlib.metadata import version
@@ -15,11 +14,11 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import butter, sosfiltfilt
 from scipy.stats import linregress
 
-from flexaxis.experiments.logs.checks import Evidence, examine, refuse_nonsense, torque_kind
-from flexaxis.experiments.logs.findings import Finding, LogError
-from flexaxis.experiments.logs.mapping import Raw, mapping_from, pick
+from flexaxis.experiments.logs.checks import examine, refuse_nonsense, torque_kind
+from flexaxis.experiments.logs.findings import Finding, LogError, checked
+from flexaxis.experiments.logs.mapping import LogMap, Raw, pick
 from flexaxis.experiments.logs.read import open_log
-from flexaxis.experiments.logs.signals import resolution, rhythm, unwrapped
+from flexaxis.experiments.logs.signals import rhythm, unwrapped
 from flexaxis.sim.errors import RecordError
 from flexaxis.sim.record import Record, load_record
 
@@ -29,13 +28,10 @@ Flags = NDArray[np.bool_]
 BURN_IN = 1.0  # s, default burn-in of a log that starts in the middle of a motion
 RESTING = 0.05  # maximum initial speed of an axis at rest, relative to the std of the speed
 FEWEST = 200  # minimum number of samples
-CLOCKS = (2**32 * 1e-6, 86400.0, 2**32 * 1e-3, 2**16 * 1e-3)  # s, periods of clocks
 MOST_GAPS = 10  # maximum ratio of the number of samples of the grid to that of the log
 NEAR = 0.05  # maximum distance of time stamps from the grid that is ignored, in sampling periods
 SLOWEST = 1.01  # s, longest sampling period; spectra are averaged over pieces of four seconds
-WITHIN = 2.05  # ticks: maximum range of the differences between rounded stamps and an even grid
 JITTER = 5.0  # minimum scatter of the time stamps that is reported [% of a sampling period]
-FARTHEST = 1.2  # maximum ratio of moves in long steps to moves in short steps without missing rows
 WHOLE = 0.02  # maximum relative difference between a new rate and an integer fraction of the rate
 
 
@@ -47,9 +43,7 @@ class Imported:
     checks: tuple[Finding, ...]
 
 
-def import_log(
-    path: Path, *, resample: float | None = None, burn_in: float | None = None, **tables: Any
-) -> Imported:
+def import_log(path: Path, *, burn_in: float | None = None, **tables: Any) -> Imported:
     """Read and check a log and convert it to a record, or load a record that flexaxis wrote.
 
     For a record, `burn_in` is the only allowed option, and no checks are made: the page of its
@@ -59,13 +53,11 @@ def import_log(
     ----------
     path : Path
         A CSV, MAT, HDF5 or NetCDF file (see `read.open_log`), or a record.
-    resample : float, optional
-        New sampling rate [Hz], an integer fraction of the rate of the log.
     burn_in : float, optional
         Time at the start that is not fitted [s]. The default is 0 if the log starts at rest, else
         1 s or a tenth of the log, whichever is shorter.
     **tables
-        Attributes of `LogMap`, as for `mapping_from`.
+        Attributes of `LogMap`.
 
     Raises
     ------
@@ -78,55 +70,47 @@ def import_log(
         record = load_record(path)
     try:
         if record is None or not record.versions:  # the file is a log, perhaps in HDF5
-            result = _imported(path, tables, resample)
-        elif wrong := [n.replace("_", "-") for n in (*tables, *["resample"] * bool(resample))]:
+            result = _imported(path, checked(LogMap, tables, "options"))
+        elif tables:
             raise LogError(
                 "is a record that flexaxis wrote, with signals in SI on an even grid; "
-                f"--{', --'.join(wrong)} are for logs: import "
+                f"--{', --'.join(tables).replace('_', '-')} are for logs: import "
                 f"{record.versions.get('log', 'its log')} with them"
             )
         else:
             result = Imported(record, ())
-        seconds = len(result.record.time) * result.record.period
-        if burn_in is None:
-            return result
-        if not 0 <= burn_in < 0.9 * seconds:
+        record = result.record
+        seconds, left_out = len(record.time) * record.period, burn_in or 0.0
+        if not 0 <= left_out < 0.9 * seconds:
             raise LogError(
-                f"--burn-in {burn_in:g} s: give 0 or more, and less than nine tenths of the log, "
+                f"--burn-in {left_out:g} s: give 0 or more, and less than nine tenths of the log, "
                 f"{seconds:.4g} s"
             )
     except LogError as error:
         raise LogError(f"{path}: {error}") from error
-    return replace(result, record=replace(result.record, burn_in=burn_in))
+    left_out = record.burn_in if burn_in is None else burn_in
+    return replace(result, record=replace(record, burn_in=left_out))
 
 
-def _imported(path: Path, tables: Mapping[str, Any], resample: float | None) -> Imported:
-    mapping = mapping_from(tables, source="options")
-    raw, stamps = on_clock(pick(open_log(path, mapping.header), mapping))
+def _imported(path: Path, mapping: LogMap) -> Imported:
+    raw = on_clock(pick(open_log(path, mapping.header), mapping))
     refuse_nonsense(raw)
     raw, lines = without_interpolation(raw)
     kind, because = torque_kind(raw, mapping.torque_is, mapping.torque or "torque")
-    record, jitter = _on_grid(raw, smooth=kind == "smooth", rate=resample)
+    record, jitter = _on_grid(raw, smooth=kind == "smooth", rate=mapping.resample)
     scaled = abs(mapping.scale.get("torque", 1.0)) != 1
     unit = "Nm" if scaled else raw.unit.get("torque", "")
     about = {
-        "flexaxis": version("flexaxis"),
-        "log": path.name,
-        "torque": kind,
-        "torque_because": because,
+        "flexaxis": version("flexaxis"), "log": path.name, "torque": kind,
+        "torque_because": because, "motion": "linear" if raw.linear else "rotary",
         "torque_unit": {"mA": "A", "mV": "V", "%": "1"}.get(unit, unit),
-        "motion": "linear" if raw.linear else "rotary",
-    }
+    }  # fmt: skip
     record = replace(record, versions=about)
-    remarks = tuple(filter(None, (stamps, lines, jitter)))
-    return Imported(record, examine(Evidence(raw, record, remarks)))
+    return Imported(record, examine(raw, record, [*filter(None, (lines, jitter))]))
 
 
-def on_clock(raw: Raw) -> tuple[Raw, str]:
-    """Return the log with increasing time, and a remark on its time stamps.
-
-    If a clock restarts, the time is continued. If the time stamps are coarser than the sampling
-    period, they are replaced by evenly spaced stamps.
+def on_clock(raw: Raw) -> Raw:
+    """Return the rows of the log that have a time.
 
     Raises
     ------
@@ -134,45 +118,25 @@ def on_clock(raw: Raw) -> tuple[Raw, str]:
         If there are too few samples, or if the time does not increase.
     """
     known = np.isfinite(raw.time)  # a row without time is a gap
-    signals = {name: values[known] for name, values in raw.signals.items()}
-    for name, values in {"time": raw.time[known], **signals}.items():
+    time, signals = raw.time[known], {name: x[known] for name, x in raw.signals.items()}
+    for name, values in {"time": time, **signals}.items():
         if (count := int(np.isfinite(values).sum())) < FEWEST:
             raise LogError(f"{name} has {count} samples; {FEWEST} or more are needed")
-    time, remark = raw.time[known] - raw.time[known][0], ""
-    for turn in CLOCKS:
-        if 0.99 * turn < -np.diff(time).min() < 1.01 * turn:
-            time, remark = np.unwrap(time, period=turn), f"the clock restarts after {turn:.9g} s"
-    if tick := _coarse_tick(time, signals):
-        time = np.linspace(time[0], time[-1], len(time))
-        remark = f"stamps are rounded to {1e3 * tick:.3g} ms; the sampling is taken as even"
     back = np.flatnonzero(np.diff(time) <= 0)
     if len(back):
         k = int(back[0]) + 1
-        text = f"time goes from {time[k - 1]:.9g} s to {time[k]:.9g} s after the start at row {k}"
-        if time[k] < 0.05 * time[k - 1]:
-            raise LogError(f"{text}: a new log begins there; select one with --rows 0:{k} or {k}:")
+        before, after = time[k - 1] - time[0], time[k] - time[0]
+        text = f"time goes from {before:.9g} s to {after:.9g} s after the start at row {k}"
+        if after < 0.05 * before:
+            raise LogError(
+                f"{text}: a new log begins there; select one with --rows 0:{k} or {k}:, or, if "
+                "only the clock restarts, give --rate HZ instead of the time"
+            )
         raise LogError(
             f"{text}, and does not advance at {len(back)} rows: remove rows that are logged twice "
             "or out of order, or, if the sampling was even, give --rate HZ instead of the time"
         )
-    return replace(raw, time=time + raw.time[known][0], signals=signals), remark
-
-
-def _coarse_tick(time: Array, signals: Mapping[str, Array]) -> float:
-    """Return the tick [s] to which the time stamps of an even sampling are rounded, or 0.
-
-    Time stamps within a tick of an even grid can also come from a log with missing rows. In such a
-    log, the signals change more in longer steps; then the function returns 0.
-    """
-    steps, tick = np.diff(time), resolution(time)
-    grid = np.linspace(time[0], time[-1], len(time))
-    rounded = np.ptp(steps) > tick / 2 > NEAR * grid[1] / 2 and np.ptp(time - grid) < WITHIN * tick
-    if not rounded or steps.min() < 0:
-        return 0.0
-    long = steps > steps.mean()
-    moves = [np.abs(np.diff(values)) for values in signals.values()]
-    missing = any(np.nanmedian(m[long]) > FARTHEST * np.nanmedian(m[~long]) for m in moves)
-    return 0.0 if missing else tick
+    return replace(raw, time=time, signals=signals)
 
 
 def without_interpolation(raw: Raw) -> tuple[Raw, str]:
@@ -201,7 +165,7 @@ def _on_grid(raw: Raw, *, smooth: bool, rate: float | None) -> tuple[Record, str
     time = raw.time[0] + period * np.arange(index[-1] + 1.0)
     off = raw.time - time[index]
     stamps = time[index] if np.max(abs(off)) <= NEAR * period else raw.time
-    signals, valid = {}, np.isin(np.arange(len(time)), index)
+    signals, valid = dict[str, Any](), np.isin(np.arange(len(time)), index)
     for name, logged in raw.signals.items():
         known = np.isfinite(logged)
         valid[index[~known]] = False
@@ -224,16 +188,16 @@ def _on_grid(raw: Raw, *, smooth: bool, rate: float | None) -> tuple[Record, str
             )
         lowpass = butter(8, 0.8 / every, output="sos")
         signals = {name: sosfiltfilt(lowpass, values) for name, values in signals.items()}
+    signals |= {"time": time, "valid": valid}
     rows = {name: x[: n * every].reshape(n, every) for name, x in signals.items()}
-    signals = {name: x[:, 0] for name, x in rows.items()} | {"torque": rows["torque"].mean(axis=1)}
-    valid = np.all(valid[: n * every].reshape(n, every), axis=1)
+    signals = {name: x[:, 0] for name, x in rows.items()}
+    signals |= {"torque": rows["torque"].mean(axis=1), "valid": rows["valid"].all(axis=1)}
     jitter = 100 * np.std(off) / period
     remark = (
         f"stamps scatter by {jitter:.0f} % of a period, and signals were interpolated; if the "
         f"sampling itself was even, use --rate {1 / period:.6g} instead of the time"
     )
-    record = _record(time[: n * every : every], signals, valid)
-    return record, remark if jitter >= JITTER else ""
+    return _record(**signals), remark if jitter >= JITTER else ""
 
 
 def _grid(time: Array) -> tuple[float, NDArray[np.int64]]:
@@ -252,19 +216,21 @@ def _grid(time: Array) -> tuple[float, NDArray[np.int64]]:
     return period, index
 
 
-def _record(time: Array, signals: dict[str, Any], valid: Flags) -> Record:
+def _record(time: Array, valid: Flags, torque: Array, **motion: Any) -> Record:
+    """Return a record, given its signals (N,): an angle, a speed, or both."""
     period, increment = (time[-1] - time[0]) / (len(time) - 1), None
-    if "angle" in signals:
-        increment = np.diff(signals["angle"], prepend=signals["angle"][0]) / period
+    if "angle" in motion:
+        increment = np.diff(motion["angle"], prepend=motion["angle"][0]) / period
         valid = valid & np.r_[True, valid[:-1]]  # an increment is the difference of two samples
-    moving = signals["speed"] if increment is None else increment
-    if not (valid.any() and np.ptp(signals["torque"][valid]) and np.ptp(moving[valid])):
+    moving = motion["speed"] if increment is None else increment
+    if not (valid.any() and np.ptp(torque[valid]) and np.ptp(moving[valid])):
         raise LogError(
             "torque or motion is constant where both are known: a column is wrong, or the axis "
             "stood still"
         )
     resting = np.max(abs(moving[:5])) < RESTING * np.std(moving)
     return Record(
-        time=time, **signals, increment=increment, valid=None if valid.all() else valid,
+        time=time, torque=torque, **motion, increment=increment,
+        valid=None if valid.all() else valid,
         burn_in=0.0 if resting else min(BURN_IN, 0.1 * len(time) * period),
     )  # fmt: skip

@@ -13,7 +13,7 @@ import pandas as pd
 
 from flexaxis.estimators.offline.prediction_error import ROUNDS
 from flexaxis.experiments.logs.axis_file import Axis
-from flexaxis.experiments.logs.changes import Explained, explain
+from flexaxis.experiments.logs.changes import Explained, clause, explain
 from flexaxis.experiments.logs.findings import Finding, LogError
 from flexaxis.experiments.logs.fit import deviations_of
 from flexaxis.experiments.logs.identify import free_names, identify
@@ -25,7 +25,7 @@ from flexaxis.sim.errors import FlexaxisError
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".log", ".dat", ".mat", ".h5", ".hdf5", ".nc")
 MADE = ("-imported", "-track", "-estimates")  # endings of the names of files that flexaxis wrote
-SEEN = 0.1  # maximum relative standard deviation in the first log of a parameter that is compared
+SEEN = 0.1  # maximum relative standard deviation of a parameter that is compared
 SURE = 3.0  # minimum effect of a covariate that is reported, in standard deviations
 SMALLEST = 1e-3  # minimum relative change, and relative effect of a covariate, that is reported
 
@@ -91,48 +91,43 @@ def identify_many(
     logs : sequence of Path
         Paths of the logs, in order of time.
     axis : Axis
-        Identified axis, or a shipped model that is then identified from the first log.
+        Identified axis; an axis without standard deviations is identified from the first log.
     tables : mapping
         Options for reading a log, as for `importing.import_log`.
     covariates : sequence of str
         Names of columns of the logs; the mean of such a column in each log is a covariate.
     free : sequence of str
-        Parameters to estimate; by default those that the first log determines to 10 %.
+        Parameters to estimate; by default those that the axis file states to 10 %.
     false_alarms : float
         Probability that logs without a change show one in any parameter.
     """
-    rows: dict[str, dict[str, float]] = {}
-    findings: list[Finding] = []
+    rows, findings = dict[str, dict[str, float]](), list[Finding]()
     for path in logs:
         try:
             record = import_log(path, **tables).record
-            if not axis.known:
+            if not (axis.known and (free or axis.deviation)):
                 axis = identify(record, axis).axis
-            known = [n for n in axis.deviation if n in axis.model.parameters]
-            names = free_names(axis, free or known, ())
-            log = log_of(record, axis)
-            setup = Setup(log, axis.model, names, delay=axis.delay)
+            known, nominal = axis.deviation, axis.model.nominal
+            free = free or [n for n in nominal if known.get(n, np.inf) < SEEN * abs(nominal[n])]
+            names = free_names(axis, free, ())
+            setup = Setup(log_of(record, axis), axis.model, names, delay=axis.delay)
             fitted = setup.solve(rounds=ROUNDS)
-            sd = deviations_of(setup, fitted)
-            values = dict(zip(names, zip(fitted.z, sd, strict=True), strict=False))
-            free = free or [n for n, (value, s) in values.items() if s < SEEN * abs(value)]
-            row = {n: values[n][0] for n in free} | {f"{n}_sd": values[n][1] for n in free}
+            row = dict(zip(names, fitted.z.tolist(), strict=False))
+            sds = deviations_of(setup, fitted).tolist()
+            row |= {f"{name}_sd": sd for name, sd in zip(names, sds, strict=False)}
             if covariates:
-                columns = open_log(path, tables.get("header")).read([*covariates], slice(None))
-                row |= {n: float(np.nanmean(column)) for n, column in columns.items()}
+                columns = open_log(path, tables.get("header")).read(covariates)
+                row |= {name: float(np.nanmean(column)) for name, column in columns.items()}
             rows[path.name] = row
         except FlexaxisError as error:
             findings.append(Finding("problem", f"{path.name} is left out: {error}"))
     table = pd.DataFrame.from_dict(rows, orient="index")
-    if not free:
-        texts = "; ".join(one.text for one in findings)
-        raise LogError(texts or "the first log determines no parameter to 10 %: give --free NAME")
+    if not rows:
+        raise LogError("; ".join(one.text for one in findings))
     beside = table[list(covariates)].to_numpy(float)
     explained = {
-        name: explain(
-            table[name].to_numpy(), table[f"{name}_sd"].to_numpy(), beside,
-            false_alarms=false_alarms / len(free),
-        )
+        name: explain(table[name].to_numpy(), table[f"{name}_sd"].to_numpy(), beside,
+                      false_alarms=false_alarms / len(free))
         for name in free
     }  # fmt: skip
     sentences = [_sentence(name, one, table, covariates) for name, one in explained.items()]
@@ -141,14 +136,11 @@ def identify_many(
 
 def _sentence(name: str, one: Explained, table: pd.DataFrame, covariates: Sequence[str]) -> Finding:
     """Return the finding on one parameter."""
-    level, first, last = abs(one.level), table.index[one.begin], table.index[one.end]
+    level, ends = abs(one.level), table.index[[one.begin, one.end]]
+    changed = one.kind != "constant" and abs(one.size) > SMALLEST
     text = f"{name} = {one.level:.4g}, no change"
-    changed = one.kind != "constant" and abs(one.size) > SMALLEST * level
     if changed:
-        size = f"{100 * one.size / level:+.1f} ± {100 * one.deviation / level:.1g} %"
-        text = f"{name} changed by {size} from {last} on"
-        if one.kind == "drift":
-            text = f"{name} drifted by {size} from {first} to {last}"
+        text = clause(name, one, one.size, *ends)
         text += f" (probability by chance {one.chance:.1g})"
     for column, slope, sd in zip(covariates, one.slopes, one.slope_deviations, strict=True):
         if abs(slope) > max(SURE * sd, SMALLEST * level / float(np.ptp(table[column]))):

@@ -5,23 +5,15 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import (
-    BaseModel,
-    ConfigDict,
-    Field,
-    PositiveFloat,
-    PositiveInt,
-    ValidationError,
-)
+from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
 
 from flexaxis.experiments.logs.findings import LogError
 from flexaxis.experiments.logs.read import Log
 from flexaxis.experiments.logs.units import COUNTS, ENDINGS, SI, UNITS, WORDS, spelt
-from flexaxis.sim.conflicts import explain
 
 Array = NDArray[np.float64]
 Signal = Literal["time", "torque", "angle", "speed"]
@@ -51,6 +43,8 @@ class LogMap(BaseModel):
         Range of samples to read, A to B − 1, in the format ``A:B``.
     header : int or None
         Number of the line that contains the column names in a CSV file, counted from 1.
+    resample : float or None
+        New sampling rate [Hz], an integer fraction of the rate of the log.
     """
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
@@ -66,6 +60,7 @@ class LogMap(BaseModel):
     torque_is: Literal["held", "smooth"] | None = None
     rows: Annotated[str, Field(pattern=r"^\d*:\d*$")] = ":"
     header: PositiveInt | None = None
+    resample: PositiveFloat | None = None
 
 
 @dataclass(frozen=True)
@@ -98,21 +93,6 @@ class Raw:
         return any(re.match(r"([numck]?m|in)(/|$)", unit) for unit in units)
 
 
-def mapping_from(tables: Mapping[str, Any], *, source: object) -> LogMap:
-    """Return a mapping from nested tables, such as those of a TOML file.
-
-    Raises
-    ------
-    LogError
-        If a key is unknown or has a wrong value; the message has a line for each such key.
-    """
-    try:
-        return LogMap(**tables)
-    except ValidationError as error:
-        lines = (f"{source}: {key}: {text}" for key, text in explain(error, LogMap))
-        raise LogError("\n".join(lines)) from error
-
-
 def pick(log: Log, mapping: LogMap) -> Raw:
     """Return the signals of a log in SI units.
 
@@ -122,12 +102,12 @@ def pick(log: Log, mapping: LogMap) -> Raw:
         If a column is missing, if columns differ in length, or if a unit is unknown.
     """
     chosen = _columns(log, mapping)
-    begin, end = (int(part) if part else None for part in mapping.rows.split(":"))
-    columns = log.read([*chosen.values()], slice(begin, end))
-    lengths = {len(values) for values in columns.values()}
-    if len(lengths) > 1:
+    rows = slice(*(int(part) if part else None for part in mapping.rows.split(":")))
+    columns = log.read([*chosen.values()], rows)
+    length, *others = {len(values) for values in columns.values()}
+    if others:
         raise LogError(
-            f"the columns {', '.join(columns)} differ in length, {lengths}: columns of one log "
+            f"the columns {', '.join(columns)} differ in length: columns of one log "
             "have a value for every sample; are they of different rates?"
         )
     units = {name: _unit(log, name, column, mapping) for name, column in chosen.items()}
@@ -147,7 +127,7 @@ def pick(log: Log, mapping: LogMap) -> Raw:
         signals[name] = columns[column] * known[units[name]] * scale
     if "time" not in signals:
         units["time"] = "s"
-        signals["time"] = np.arange(lengths.pop()) / (mapping.rate or 1.0)
+        signals["time"] = np.arange(length) / (mapping.rate or 1.0)
     stated = {name: unit for name, unit in units.items() if unit}
     return Raw(signals.pop("time"), signals, stated)
 
@@ -156,16 +136,16 @@ def _columns(log: Log, mapping: LogMap) -> dict[str, str]:
     """Return the column of each signal: the stated column, or a column with a known name.
 
     If the column of a motion is stated, no other motion is used. If a rate is stated, no time
-    column is looked for.
+    column is used.
     """
-    chosen = {name: column for name in SI if (column := getattr(mapping, name)) is not None}
+    names = [name for name in SI if not (mapping.rate and name == "time")]
+    chosen = {name: column for name in names if (column := getattr(mapping, name)) is not None}
     known = {*chosen, *(MOTIONS if chosen.keys() & MOTIONS else ())}
-    known |= {"time"} if mapping.rate else set()
-    lower = {name.lower(): name for name in reversed(log.names)}
-    for kind, words in WORDS.items():
-        alike = [lower[word] for word in words if word in lower]
-        if alike and kind not in known:
-            chosen[kind] = alike[0]
+    lower = {name.lower(): name for name in reversed([*log.columns])}
+    for name in names:
+        alike = [lower[word] for word in WORDS[name] if word in lower]
+        if alike and name not in known:
+            chosen[name] = alike[0]
     for question, answered in (
         ("time? Give --time COLUMN, or --rate HZ", mapping.rate or "time" in chosen),
         ("torque, or current? Give --torque COLUMN", "torque" in chosen),

@@ -6,8 +6,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-SIGNALS = {"time", "torque", "angle", "speed"}
-KEYS = (*SIGNALS, "rate", "torque_is", "counts", "rows", "header", "resample", "burn_in")
+KEYS = ("time", "torque", "angle", "speed", "rate", "torque_is", "counts", "rows", "header",
+        "resample", "burn_in")  # fmt: skip
 
 
 def pair(text: str) -> tuple[str, str]:
@@ -32,8 +32,6 @@ LOG_OPTIONS: dict[str, str | tuple[str, dict[str, Any]]] = {
     "by its name).",
     "--angle COLUMN": "Column with the motor angle (default: recognised by its name).",
     "--speed COLUMN": "Column with the motor speed (default: recognised by its name).",
-    "--axis N": "Axis number that replaces {} in column names, for files with several axes "
-    "(default: none).",
     "--rows A:B": "Read only samples A to B-1 (default: all).",
     "--rate HZ": ("Sampling rate [Hz] of a log without a time column (default: computed from the "
                   "time).", {"type": float}),
@@ -56,8 +54,6 @@ LOG_OPTIONS: dict[str, str | tuple[str, dict[str, Any]]] = {
                         "record).", {"choices": ("csv",)}),
     "--units U,…": ("Units of the written log, such as deg,A,rpm,ms (default: SI).",
                     {"default": ""}),
-    "--jitter S": ("Standard deviation of the jitter of the written time stamps [s] (default: 0).",
-                   {"type": float, "default": 0.0}),
     "--gaps N": ("Number of gaps with missing samples (default: 0).",
                  {"type": int, "default": 0}),
     "--counts N": ("Encoder counts per turn of the motor, for an angle that is logged in counts or "
@@ -66,7 +62,7 @@ LOG_OPTIONS: dict[str, str | tuple[str, dict[str, Any]]] = {
 """Options of the commands that read or write logs, in the format of `commands.options`."""
 
 READING = (
-    "--map", "--time", "--torque", "--angle", "--speed", "--axis", "--rows", "--rate", "--header",
+    "--map", "--time", "--torque", "--angle", "--speed", "--rows", "--rate", "--header",
     "--unit", "--counts", "--scale", "--torque-is", "--resample", "--burn-in",
 )  # fmt: skip
 """Names of the options for reading a log."""
@@ -74,17 +70,14 @@ READING = (
 
 def tables_of(args: argparse.Namespace) -> dict[str, Any]:
     """Return the arguments of `fx.import_log`; options override the file given by ``--map``."""
-    from flexaxis.experiments.logs.findings import LogError
-    from flexaxis.experiments.logs.mapping import mapping_from
+    from flexaxis.experiments.logs.findings import LogError, checked
+    from flexaxis.experiments.logs.mapping import LogMap
     from flexaxis.sim.files import read_toml
 
     tables = read_toml(args.map, LogError) if args.map else {}
-    mapping_from(tables, source=args.map)
+    checked(LogMap, tables, args.map)
     tables |= {name: value for name in KEYS if (value := getattr(args, name)) is not None}
     for key in ("unit", "scale"):
         if pairs := dict(getattr(args, key)):
             tables[key] = tables.get(key, {}) | pairs
-    if args.axis is not None:
-        columns = {name: tables[name].replace("{}", args.axis) for name in SIGNALS & tables.keys()}
-        tables |= columns
     return tables

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from markupsafe import Markup
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from flexaxis.experiments.files import write_text
@@ -32,7 +31,6 @@ Array = NDArray[np.float64]
 MOST = 4000  # maximum number of points of a curve
 GAPS = 200  # maximum number of gaps that are shaded
 PIECE = 500  # number of samples of a simulation in a figure
-SUREST = 3  # number of estimates in the first sentence of the page
 WRITTEN: dict[str, Any] = {"border": 0, "float_format": "{:.5g}".format}
 """Options with which pandas writes a table as HTML."""
 
@@ -46,10 +44,6 @@ class Chart:
     panels: Mapping[str, Sequence[Series]]
     options: Mapping[str, Any] = field(default_factory=dict)
     x: str = "time [s]"
-
-    def draw(self, **options: Any) -> Figure:
-        """Draw the figure with `reporting.figures.curves`."""
-        return curves(self.panels, x=self.x, **self.options, **options)
 
 
 @dataclass(frozen=True)
@@ -80,7 +74,10 @@ class LogPage:
         """Write the page as one HTML file that needs no network."""
         table = "" if self.table is None else Markup(self.table.to_html(**WRITTEN))
         content = vars(self) | {
-            "figures": [(page.drawn(one.draw, one.title), one.words) for one in self.charts],
+            "figures": [
+                (page.drawn(curves, one.title, one.panels, x=one.x, **one.options), one.words)
+                for one in self.charts
+            ],
             "marks": MARKS, "version": version("flexaxis"), "command": LINE.get(), "table": table,
         }  # fmt: skip
         write_text(path, page.render("logs/templates/log.html", looks={}, **content))
@@ -88,8 +85,8 @@ class LogPage:
 
 def _line(x: Array, y: Array, label: str, role: Any = "data") -> Series:
     """Return a curve of at most about `MOST` points, which are the extremes of bins."""
-    bins = pd.Series(y).groupby(np.arange(len(y)) * (MOST // 2) // max(len(y), MOST // 2))
-    k = np.unique(np.r_[bins.idxmin(), bins.idxmax()])
+    bins = pd.Series(y).groupby(np.arange(len(y)) // -(-2 * len(y) // MOST))
+    k = np.unique([bins.idxmin(), bins.idxmax()])
     return Series(x=x[k], y=y[k], label=label, role=role)
 
 
@@ -104,10 +101,11 @@ def import_page(result: Imported, log: str) -> LogPage:
     finding = Finding("ok", "Nothing speaks against this log.")
     if bad := ", ".join(one.name for one in checks if one.kind == "problem"):
         finding = Finding("problem", f"As it is, this log spoils estimates: {bad}.")
-    panels = {
-        "torque [as logged]": [_line(record.time, record.torque, "log")],
-        "speed [rad/s]": [_line(record.time, getattr(record, output_of(record)), "log")],
+    curves_of = {
+        "torque [as logged]": record.torque,
+        "speed [rad/s]": getattr(record, output_of(record)),
     }
+    panels = {label: [_line(record.time, y, "log")] for label, y in curves_of.items()}
     words = "The log. Samples that are missing, or within the burn-in, are shaded."
     chart = Chart("The log", words, panels, {"spans": _gaps(record.time, usable(record))})
     return LogPage(f"Import of {log}", finding, checks, [chart])
@@ -118,17 +116,12 @@ def identification_page(
 ) -> LogPage:
     """Return the page of an identification, and of its simulation of another log if available."""
     findings = findings_of(result, other)
-    every = zip(result.names, result.theta, result.deviations, strict=True)
-    sure = sorted((sd / abs(v), f"{name} = {v:.4g} ± {sd:.1g}") for name, v, sd in every if v)
     problems = texts_of(findings, "problem")
-    text = (
-        f"The model simulates {result.fit:.1f} % of held-out pieces from the torque alone; "
-        f"most certain: {', '.join(text for _, text in sure[:SUREST])}."
-    )
+    text = f"The model simulates {result.fit:.1f} % of held-out pieces from the torque alone."
     text += f" These numbers cannot be used: {problems[0]}." if problems else ""
-    y, residual = result.answer.setup.log.y, result.residual
+    y = result.answer.setup.log.y
     time = period * np.arange(float(len(y)))
-    charts = [_compared("Simulation from the torque", time, y, y - residual)]
+    charts = [_compared("Simulation from the torque", time, y, y - result.residual)]
     if other is not None:
         title_of = "Simulation of the other log"
         charts.append(_compared(title_of, other.time, other.measured, other.simulated))
@@ -152,19 +145,15 @@ def findings_of(result: Identification, other: Validation | None) -> list[Findin
     return ordered([*problems, *result.findings, *(Finding("info", text) for text in texts)])
 
 
-def content(result: Identification, other: Validation | None) -> dict[str, Any]:
+def content(result: Identification, findings: Sequence[Finding]) -> dict[str, Any]:
     """Return the content of the JSON file of an identification."""
-    every = findings_of(result, other)
     return {
         "estimates": {n: {"value": value, "sd": sd} for n, (value, sd) in result.estimates.items()},
         "units": result.units,
         "fit": result.fit,
         "friction": result.friction,
-        "compared": [vars(one) for one in result.tried],
-        "residual": {"std": result.axis.noise, "correlation": result.correlation},
-        "warnings": texts_of(every, "problem"),
-        "remarks": texts_of(every, "note", "info", "ok"),
-        "validation": None if other is None else {"simulation": other.fit.percent},
+        "warnings": texts_of(findings, "problem"),
+        "remarks": texts_of(findings, "note", "info", "ok"),
     }
 
 
@@ -179,7 +168,7 @@ def _compared(title: str, time: Array, y: Array, simulated: Array) -> Chart:
     return Chart(title, "The liveliest piece, simulated from the torque alone.", panels)
 
 
-def track_page(result: Tracked, estimator: str, *, problems: Sequence[str], log: str) -> LogPage:
+def track_page(result: Tracked, estimator: str, log: str) -> LogPage:
     """Return the page of an estimator on a record, with its estimates over time.
 
     Parameters
@@ -188,31 +177,26 @@ def track_page(result: Tracked, estimator: str, *, problems: Sequence[str], log:
         Estimates and findings.
     estimator : str
         Name of the estimator, as typed.
-    problems : sequence of str
-        Problems of the log.
     log : str
         Name of the log.
     """
-    first, *more = result.findings
-    remarks = [*(Finding("problem", f"the log: {text}") for text in problems), *more]
-    finding = Finding("problem" if problems else first.kind, first.text)
     table = pd.DataFrame({"last": result.last, "nominal": result.nominal}, result.names)
     table["ratio"] = table["last"] / table["nominal"]
-    panels, step = {}, max(len(result.time) // MOST, 1)
-    t = result.time[::step]
+    part = slice(None, None, max(len(result.time) // MOST, 1))
+    t, panels = result.time[part], {}
+    same = Series(x=t[[0, -1]], y=np.ones(2), role="bound", label="as identified")
     for i, (name, nominal) in enumerate(zip(result.names, result.nominal, strict=True)):
-        y, sides = result.theta[::step, i] / nominal, dict[str, Any]()
+        y, sides = result.theta[part, i] / nominal, dict[str, Any]()
         if result.deviations is not None:
-            band = 2 * result.deviations[::step, i] / abs(nominal)
+            band = 2 * result.deviations[part, i] / abs(nominal)
             sides = {"low": y - band, "high": y + band}
-        one = Series(x=t[[0, -1]], y=np.ones(2), role="bound", label="as identified")
-        panels[f"{name} / nominal"] = [Series(x=t, y=y, estimator=estimator, **sides), one]
+        panels[f"{name} / nominal"] = [Series(x=t, y=y, estimator=estimator, **sides), same]
     marks = [(one.time, one.text) for one in result.changes if one.kind == "step"]
     marks += [(float(at), "alarm") for at in result.alarms]
     words = "Ratios of estimates to nominal values, ±2σ. Vertical lines mark steps and alarms."
     options = {"marks": marks, "spans": _gaps(result.time, result.usable)}
     chart = Chart("Estimates", words, panels, options)
-    return LogPage(f"{estimator} on {log}", finding, remarks, [chart], table)
+    return LogPage(f"{estimator} on {log}", result.findings[0], result.findings[1:], [chart], table)
 
 
 def many_page(result: Many, title: str) -> LogPage:

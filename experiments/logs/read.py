@@ -5,9 +5,9 @@ from __future__ import annotations
 import codecs
 import re
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from itertools import dropwhile, takewhile
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import takewhile
 from pathlib import Path
 from statistics import mode
 from textwrap import shorten
@@ -37,26 +37,22 @@ class Log:
 
     Attributes
     ----------
-    names : tuple of str
-        Names of the columns.
-    source : callable
-        ``source(names, rows)`` returns a dict of columns (N,); missing values are NaN. The function
-        raises a LogError if a column does not consist of numbers.
+    columns : dict of str to Series
+        Numbers or texts of each column.
     units : dict of str to str
         Units of those columns for which the file states a unit.
     """
 
-    names: tuple[str, ...]
-    source: Callable[[Sequence[str], slice], dict[str, Array]]
-    units: Mapping[str, str] = field(default_factory=dict)
+    columns: Mapping[str, pd.Series[Any]]
+    units: Mapping[str, str]
 
     @property
     def listed(self) -> str:
         """The names of the columns for a message; a long list is shortened."""
-        return shorten(", ".join(self.names), 600, placeholder=" …")
+        return shorten(", ".join(self.columns), 600, placeholder=" …")
 
     def read(self, names: Sequence[str], rows: slice = slice(None)) -> dict[str, Array]:
-        """Return a dict of columns (N,).
+        """Return a dict of columns (N,); missing values are NaN.
 
         Raises
         ------
@@ -65,12 +61,12 @@ class Log:
             names with the same digits, so that it never suggests the column of another joint.
         """
         for name in names:
-            if name not in self.names:
+            if name not in self.columns:
                 digits = re.findall(r"\d+", name)
-                alike = [known for known in self.names if re.findall(r"\d+", known) == digits]
+                alike = [known for known in self.columns if re.findall(r"\d+", known) == digits]
                 hint = did_you_mean(name, alike)
                 raise LogError(f"there is no column {name!r}.{hint} There are {self.listed}")
-        return self.source(names, rows)
+        return {name: _numbers(name, self.columns[name][rows]) for name in names}
 
 
 def open_log(path: Path, header: int | None = None) -> Log:
@@ -111,7 +107,7 @@ def open_log(path: Path, header: int | None = None) -> Log:
         raise LogError(f"cannot be read: {reason}") from error
     if not columns:
         raise LogError("contains no columns of numbers")
-    return Log(tuple(columns), lambda names, rows: {n: columns[n][rows] for n in names})
+    return Log({name: pd.Series(values) for name, values in columns.items()}, {})
 
 
 def _flattened(content: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Array]]:
@@ -130,7 +126,7 @@ def _flattened(content: Mapping[str, Any], before: str = "") -> Iterator[tuple[s
         array = np.squeeze(np.asarray([] if inner else item))
         if array.dtype.kind in "fiub" and array.ndim in {1, 2}:
             rows = np.atleast_2d(array).astype(float)
-            rows = rows if rows.shape[0] <= rows.shape[1] else rows.T  # the longer side is time
+            rows = min(rows, rows.T, key=len)  # the longer side is time
             for j, row in enumerate(rows):
                 yield f"{before}{name}" + f"[{j}]" * (len(rows) > 1), row
 
@@ -141,39 +137,30 @@ def _csv(path: Path, start: bytes, header: int | None) -> Log:
     lines = start.decode(encoding, "replace").splitlines()
     lines = lines[:-1] if len(start) == PROBE else lines  # the last line may be incomplete
     kept = [k for k, x in enumerate(lines) if x.strip() and not x.lstrip().startswith(COMMENTS)]
-    kept = kept[:COMPARED]
-    layouts = [
-        (mark, point) for mark in (*";\t,|", None) for point in ".," if mark != point and kept
-    ]
-    tried = [(*_tried([lines[k] for k in kept], *one), *one) for one in layouts if kept]
-    share, width, row, separator, decimal = max(
-        tried, key=lambda t: t[:2], default=(0.0, 0, 0, "", "")
-    )
+    part = [lines[k] for k in kept[:COMPARED]]
+    layouts = [(mark, point) for mark in (*";\t,|", None) for point in ".," if mark != point]
+    tried = [(*_tried(part, *one), *one) for one in layouts if part] or [(0.0, 0, 0, "", "")]
+    share, width, row, separator, decimal = max(tried, key=lambda layout: layout[:2])
     if not share:
         raise LogError("is not MAT, HDF5, or a CSV with rows of numbers: unpack or export it")
     first = kept[row]
     head = _head(lines[:first], separator, width, header)
     names, units = names_and_units([*head, *[""] * width][:width])
-
-    def source(chosen: Sequence[str], part: slice) -> dict[str, Array]:
-        try:
-            table = pd.read_csv(
-                path, sep=separator or r"\s+", decimal=decimal, names=names,
-                usecols=[*chosen], header=None, skiprows=first, index_col=False, encoding=encoding,
-                encoding_errors="replace", skipinitialspace=True, na_values=MISSING,
-                comment=next((x[0] for x in lines if x.startswith(COMMENTS[:2])), None),
-                low_memory=False,
-            )[part]  # fmt: skip
-        except ValueError as error:  # errors of the parser are ValueErrors, too
-            raise LogError(
-                f"{str(error).strip().splitlines()[-1]}; two logs in one file, or a separator "
-                "inside a number?"
-            ) from error
-        whole = len(table) < 2 or table.iloc[-1].notna().all()
-        table = table if whole else table[:-1]  # the last line of a log may be incomplete
-        return {name: _numbers(name, table[name]) for name in chosen}
-
-    return Log(tuple(names), source, units)
+    try:
+        table = pd.read_csv(
+            path, sep=separator or r"\s+", decimal=decimal, names=names, header=None,
+            skiprows=first, index_col=False, encoding=encoding, encoding_errors="replace",
+            skipinitialspace=True, na_values=MISSING, low_memory=False,
+            comment=next((x[0] for x in lines if x.startswith(COMMENTS[:2])), None),
+        )  # fmt: skip
+    except ValueError as error:  # errors of the parser are ValueErrors, too
+        raise LogError(
+            f"{str(error).strip().splitlines()[-1]}; two logs in one file, or a separator "
+            "inside a number?"
+        ) from error
+    # the last line of a log may be incomplete, so its cells are compared with the line before
+    alike = (table[-2:].notna().nunique() < 2).all()
+    return Log(dict(table if alike else table[:-1]), units)
 
 
 def _encoding(start: bytes) -> str:
@@ -219,14 +206,14 @@ def _head(lines: Sequence[str], separator: str | None, width: int, header: int |
     def fits(row: list[str]) -> bool:
         return len(row) >= width - 1 and not any(row[width:])
 
-    plain = [line for line in lines if not line.lstrip().startswith(COMMENTS)]
-    named = any(map(str.strip, plain))
-    above = [_cells(x.lstrip("#%/ "), separator) for x in reversed(plain if named else lines)]
-    near = [*dropwhile(lambda row: not any(row), above)]
-    block = [*takewhile(fits, near)] if named else [*filter(fits, above)]
-    if named and not block:
+    remarks = [x for x in lines if x.lstrip().startswith(COMMENTS)]
+    plain = "\n".join(x if x.strip() else "" for x in lines if x not in remarks).strip("\n")
+    last = plain.split("\n\n")[-1].splitlines() or remarks
+    above = [_cells(line.lstrip("#%/ "), separator) for line in reversed(last)]
+    block = [*takewhile(fits, above)] if plain else [*filter(fits, above)]
+    if plain and not block:
         raise LogError(
-            f"the rows have {width} cells, but the line of names above them has {len(near[0])}: "
+            f"the rows have {width} cells, but the line of names above them has {len(above[0])}: "
             "say which line has the names with --header LINE"
         )
     if len(block) > 1 and any(is_unit(cell.strip("[]() ")) for cell in block[0]):

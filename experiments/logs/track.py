@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -21,7 +21,7 @@ from flexaxis.estimators.offline.trajectory import delayed
 from flexaxis.estimators.protocol import Estimator
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.estimators.signals import SIGNALS
-from flexaxis.experiments.logs.axis_file import Axis
+from flexaxis.experiments.logs.axis_file import Axis, valid_of
 from flexaxis.experiments.logs.changes import Change, changes_along
 from flexaxis.experiments.logs.findings import Finding, LogError
 from flexaxis.experiments.logs.signals import log_of
@@ -129,28 +129,25 @@ def track(
     axis.check_rate(record.period)
     log, lawful = log_of(record, axis), bool(axis.model.laws)
     torque = delayed(log.u, axis.delay / log.period, smooth=log.smooth) + axis.offset
-    whiten = partial(lfilter, axis.whitening, 1.0)
+    whiten, order = partial(lfilter, axis.whitening, 1.0), len(axis.whitening)
     u, y = (torque, log.y) if lawful else (whiten(torque), whiten(log.y))
     estimator = _build(spec, axis, identify, start, period=log.period, output=log.output, torque=u)
     names = tuple(estimator.names)
     model = SIGNALS[log.output].predicted(axis.model, log.period).parametrize(names)
     simulated = predict(model, model.theta, torque, period=log.period)[0]
     stopped, quiet = _idle(log.y, simulated, torque, log.period)
-    valid = (True if record.valid is None else record.valid) & ~stopped
-    theta, claimed, alarms = run_on(
-        estimator, u, y, valid if lawful else settled(valid, len(axis.whitening))
-    )
-    good = settled(log.ok & ~stopped & ~quiet, len(axis.whitening))
+    valid = valid_of(record) & ~stopped
+    theta, claimed, alarms = run_on(estimator, u, y, valid if lawful else settled(valid, order))
+    good = settled(log.ok & ~stopped & ~quiet, order)
     last = np.median(theta[-max(len(theta) // 5, 1) :], axis=0)
 
     def look(theta: Array) -> tuple[Array, Array]:
         simulated, psi = predict(model, theta, torque, period=log.period)
-        both = np.vstack([log.y - simulated, psi.T])
-        white = whiten(both)[:, good]
+        white = whiten(np.vstack([log.y - simulated, psi.T]))[:, good]
         return white[0], white[1:].T
 
     residual, psi = look(last)
-    if not (np.isfinite(residual).all() and np.isfinite(psi).all()):
+    if not np.isfinite(residual.sum() + psi.sum()):
         raise LogError(
             "the estimates diverged, or a simulation with the last estimates does: identify the "
             "axis first, or choose another estimator"
@@ -160,50 +157,35 @@ def track(
     valued = axis.having({name: float(value**power) for (name, power), value in powers})
     checked, past = validate(replace(record, valid=valid), valued), correlation(residual)
     # after a change, no single value of the parameter fits the whole log
-    fits = not checked.unlike or changes or (abs(past) < WHITE and axis.usual is None)
-    off = dict(zip(names, last / model.theta - 1, strict=True))
-    findings = _findings("" if fits else checked.unlike, changes, unseen, off)
+    fits = bool(changes) or (abs(past) < WHITE and axis.usual is None)
+    findings = [Finding("problem", checked.unlike)] * bool(checked.unlike and not fits)
+    texts = [change.text for change in changes]
+    texts += [f"this log does not show whether {', '.join(unseen)} changed"] * bool(unseen)
+    if not (findings or texts):
+        findings = [Finding("ok", "no parameter changed within this log")]
+        texts = [
+            f"the last estimate of {name} differs by {100 * by:+.1f} % from the identified value"
+            for name, by in zip(names, last / model.theta - 1, strict=True)
+            if abs(by) > OFF
+        ]
     if stopped.any():
-        begin, end = record.time[np.flatnonzero(stopped)[[0, -1]]]
-        text = (
+        begin, end = record.time[stopped][[0, -1]]
+        texts.append(
             f"the motor stands still between {begin:.1f} s and {end:.1f} s although the torque "
             "should move it, as if it were blocked; these samples are not used"
         )
-        findings.append(Finding("note", text))
-    white = "so it is white" if abs(past) < WHITE else "so the model does not explain everything"
-    texts = [
+    infos = [
         f"fit of a simulation from the torque alone: {checked.fit.percent:.1f} %",
-        f"the residual correlates with its past by {past:.3f}, {white}",
+        f"the residual correlates with its past by {past:.3f}; white residuals by less than "
+        f"{WHITE}",
         *[f"alarms of the estimator: {int(alarms.sum())}"] * bool(alarms.any()),
     ]
-    findings += [Finding("info", text) for text in texts]
+    findings += [Finding("note", text) for text in texts] + [Finding("info", x) for x in infos]
     spread = None if claimed is None else np.sqrt(np.abs(np.diagonal(claimed, axis1=1, axis2=2)))
     return Tracked(
         names, record.time, theta, spread, last, model.theta, good, checked.fit.percent,
         record.time[alarms], changes, findings,
     )  # fmt: skip
-
-
-def _findings(
-    problem: str, changes: Sequence[Change], unseen: Sequence[str], off: Mapping[str, float]
-) -> list[Finding]:
-    """Return findings on a problem and on changes, or a finding that nothing changed.
-
-    `off` contains the relative difference of each estimate from the identified value.
-    """
-    texts = [change.text for change in changes]
-    texts += [f"this log does not show whether {', '.join(unseen)} changed"] * bool(unseen)
-    findings = [Finding("problem", problem)] * bool(problem)
-    findings += [Finding("note", text) for text in texts]
-    if findings:
-        return findings
-    texts = [
-        f"the last estimate of {name} differs by {100 * by:+.1f} % from the identified value"
-        for name, by in off.items()
-        if abs(by) > OFF
-    ]
-    first = Finding("ok", "no parameter changed within this log")
-    return [first, *(Finding("note", text) for text in texts)]
 
 
 def _idle(y: Array, simulated: Array, torque: Array, period: float) -> tuple[Flags, Flags]:
@@ -245,18 +227,19 @@ def _build(
             f"the axis has laws, such as dry friction, but {spec.text} needs a linear model: "
             f"use --estimator {RECOMMENDED}"
         )
-    known: dict[str, Any] = {"identify": tuple(identify), "output": output, "torque": torque}
-    if model.laws and axis.deviation:
-        known["deviations"] = dict(axis.deviation)
-    if not model.laws and axis.noise is not None:
-        known["noise"] = axis.noise
-    first = values if spec.is_users else replace(model, nominal=values)
-    estimator = make_estimator(spec, first, period, **known)
-    own = tuple(estimator.names)
+    own: dict[str, Any] = {"noise": axis.noise}
+    if model.laws:
+        own = {"deviations": dict(axis.deviation)}
+    known = {name: value for name, value in own.items() if value}
+    estimator = make_estimator(
+        spec, values if spec.is_users else replace(model, nominal=values), period,
+        identify=tuple(identify), output=output, torque=torque, **known,
+    )  # fmt: skip
+    names = tuple(estimator.names)
     # an estimator for models with laws may also track parameters of the laws
-    if estimator.output != output or own[: len(identify)] != tuple(identify):
+    if estimator.output != output or names[: len(identify)] != tuple(identify):
         raise EstimatorError(
-            f"{spec.text} estimates {', '.join(own)} from {estimator.output!r}, instead of "
+            f"{spec.text} estimates {', '.join(names)} from {estimator.output!r}, instead of "
             f"{', '.join(identify)} from {output!r}"
         )
     return estimator

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from flexaxis.experiments.files import new_file
+from flexaxis.experiments.logs.axis_file import valid_of
 from flexaxis.experiments.logs.findings import LogError
 from flexaxis.sim.errors import unknown
 from flexaxis.sim.record import Record
@@ -89,18 +90,29 @@ def is_unit(text: str) -> bool:
     return text != "1" and any(spelt(text) in t for t in (*UNITS.values(), (COUNTS,)))
 
 
-@dataclass(frozen=True)
-class LogStyle:
-    """The format in which a simulated robot writes its log.
+def write_log(
+    path: Path,
+    record: Record,
+    rng: np.random.Generator,
+    *,
+    units: Sequence[str] = (),
+    gaps: int = 0,
+    counts: int = 0,
+) -> None:
+    """Write a record as the CSV file of a robot, with columns such as ``angle [deg]``, time first.
 
-    Attributes
+    Parameters
     ----------
-    units : tuple of str
+    path : Path
+        Path of the CSV file.
+    record : Record
+        Record to write.
+    rng : Generator
+        Random numbers for the gaps.
+    units : sequence of str
         Units of signals, such as ``("deg", "A")``; all other signals are in SI units.
-    jitter : float
-        Standard deviation of the error of the time stamps [s]; the sampling itself is even.
     gaps : int
-        Number of gaps, each of up to `LONGEST_GAP` samples.
+        Number of gaps, each of up to `LONGEST_GAP` samples; their rows are omitted.
     counts : int
         Encoder counts per turn of the motor, to which the angle is rounded; 0 for no rounding.
 
@@ -109,50 +121,23 @@ class LogStyle:
     LogError
         If a unit is unknown, or a number is negative.
     """
-
-    units: tuple[str, ...] = ()
-    jitter: float = 0.0
-    gaps: int = 0
-    counts: int = 0
-
-    def __post_init__(self) -> None:
-        known = {unit: 1 for table in UNITS.values() for unit in table}
-        for unit in self.units:
-            if unit not in known:
-                raise LogError(f"--units: {unknown('unit', unit, known)}")
-        if min(self.jitter, self.gaps, self.counts) < 0:
-            raise LogError("--jitter, --gaps, --counts: give 0 or more")
-
-
-def write_log(path: Path, record: Record, style: LogStyle, rng: np.random.Generator) -> None:
-    """Write a record as the CSV file of a robot, with columns such as ``angle [deg]``, time first.
-
-    Rows in gaps are omitted.
-
-    Parameters
-    ----------
-    path : Path
-        Path of the CSV file.
-    record : Record
-        Record to write.
-    style : LogStyle
-        Format of the file.
-    rng : Generator
-        Random numbers for jitter and gaps.
-    """
-    time, angle = record.time, record.angle
-    if style.counts and angle is not None:
-        step = 2 * np.pi / style.counts
-        angle = step * np.rint(angle / step)
-    time = time + style.jitter * rng.standard_normal(len(time))
-    kept = np.ones(len(time), bool) if record.valid is None else record.valid.copy()
-    for begin in rng.integers(1, max(len(time) - LONGEST_GAP - 1, 2), style.gaps):
+    known = dict.fromkeys(unit for table in UNITS.values() for unit in table)
+    if wrong := [unit for unit in units if unit not in known]:
+        raise LogError(f"--units: {unknown('unit', wrong[0], known)}")
+    if min(gaps, counts) < 0:
+        raise LogError("--gaps, --counts: give 0 or more")
+    n, signals = len(record.time), {name: getattr(record, name) for name in SI}
+    if counts and record.angle is not None:
+        step = 2 * np.pi / counts
+        signals["angle"] = step * np.rint(record.angle / step)
+    kept = valid_of(record).copy()
+    for begin in rng.integers(1, max(n - LONGEST_GAP - 1, 2), gaps):
         # the first and the last sample are kept
-        kept[begin : min(begin + rng.integers(1, LONGEST_GAP + 1), len(time) - 1)] = False
-    columns, signals = {}, (time, record.torque, angle, record.speed)
-    for name, values in zip(SI, signals, strict=True):
-        unit = next((unit for unit in style.units if unit in UNITS[name]), SI[name])
+        kept[begin : min(begin + rng.integers(1, LONGEST_GAP + 1), n - 1)] = False
+    table = pd.DataFrame()
+    for name, values in signals.items():
+        unit = next((unit for unit in units if unit in UNITS[name]), SI[name])
         if values is not None:
-            columns[f"{name} [{unit}]"] = values[kept] / UNITS[name][unit]
+            table[f"{name} [{unit}]"] = values[kept] / UNITS[name][unit]
     with new_file(path) as part:
-        pd.DataFrame(columns).to_csv(part, index=False, float_format="%.10g")
+        table.to_csv(part, index=False, float_format="%.10g")

@@ -10,7 +10,7 @@ from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.logs.findings import LogError
 from flexaxis.experiments.logs.importing import import_log
-from flexaxis.experiments.logs.units import LONGEST_GAP, LogStyle, write_log
+from flexaxis.experiments.logs.units import LONGEST_GAP, write_log
 from flexaxis.sim.record import load_record
 from flexaxis.sim.scenario import load_scenario
 from flexaxis.sim.simulate import simulate
@@ -22,17 +22,17 @@ def record():
     return simulate(scenario, [0])[0]
 
 
-def round_trip(record, style, path, tables):
-    write_log(path, record, style, np.random.default_rng(0))
-    return import_log(path, torque_is="held", burn_in=0.0, **tables).record
+def round_trip(record, path, **style):
+    write_log(path, record, np.random.default_rng(0), **style)
+    return import_log(path, torque_is="held", burn_in=0.0).record
 
 
 def test_round_trip_within_the_resolution(record, tmp_path):
-    style = LogStyle(units=("ms", "deg", "rpm", "A"), counts=65536, jitter=2e-5, gaps=3)
-    back = round_trip(record, style, tmp_path / "log.csv", {})
+    units = ("ms", "deg", "rpm", "A")
+    back = round_trip(record, tmp_path / "log.csv", units=units, counts=65536, gaps=3)
     assert 3 <= (~back.valid).sum() <= 3 * (LONGEST_GAP + 1)
     assert back.period == pytest.approx(record.period, rel=1e-4)
-    there = back.valid  # stamps are off, samples are not
+    there = back.valid
     assert np.max(abs(back.angle - record.angle)[there]) <= np.pi / 65536 + 1e-8
     np.testing.assert_allclose(back.torque[there], record.torque[there], atol=1e-8)
     np.testing.assert_allclose(back.speed[there], record.speed[there], atol=1e-6)
@@ -45,9 +45,9 @@ def test_round_trip_within_the_resolution(record, tmp_path):
         ({"gaps": -1}, "gaps"),
     ],
 )
-def test_wrong_styles_are_refused(given, word):
+def test_wrong_styles_are_refused(given, word, record, tmp_path):
     with pytest.raises(LogError, match=word):
-        LogStyle(**given)
+        round_trip(record, tmp_path / "log.csv", **given)
 
 
 def test_command(short, tmp_path, capsys):

@@ -217,14 +217,6 @@ def test_a_coarse_encoder_is_named_with_its_step(clean, tmp_path):
     assert check.kind == "info" and "1000 a turn" in check.text
 
 
-def test_a_speed_behind_a_low_pass_is_seen_beside_its_angle(clean, tmp_path):
-    keep = np.exp(-T / 5e-3)
-    speed = lfilter([1 - keep], [1, -keep], np.gradient(clean["angle"], T))
-    check = seen(imported(tmp_path, clean | {"speed": speed}), "speed beside angle")
-    late = re.search(r"([\d.]+) ms later", check.text)
-    assert check.kind == "info" and 2.0 < float(late[1]) < 6.0
-
-
 def test_gaps_and_jitter(clean, tmp_path):
     keep = np.ones(len(clean["time"]), bool)
     keep[3000:3600] = False
@@ -240,11 +232,18 @@ def test_gaps_and_jitter(clean, tmp_path):
 
 
 @pytest.mark.parametrize(("period", "tick"), [(1.25e-3, 1e-3), (20e-3, 15.6e-3), (1e-3, 2e-3)])
-def test_stamps_coarser_than_the_sampling_are_even(period, tick, clean, tmp_path):
-    even = period * np.arange(len(clean["time"]))
-    result = imported(tmp_path, clean | {"time": tick * np.floor(even / tick)}, STATED)
-    assert result.record.period == pytest.approx(period, rel=1e-3) and result.record.valid is None
-    assert "rounded" in seen(result, "time stamps").text
+def test_stamps_coarser_than_the_sampling_need_the_rate(period, tick, clean, tmp_path):
+    stamps = tick * np.floor(period * np.arange(len(clean["time"])) / tick)
+    columns = clean | {"time": stamps}
+    if tick > period:
+        with pytest.raises(LogError, match=r"does not advance .* --rate HZ"):
+            imported(tmp_path, columns)
+    else:
+        check = seen(imported(tmp_path, columns, STATED), "time stamps")
+        rate = float(re.search(r"--rate (\S+)", check.command)[1])
+        assert rate == pytest.approx(1 / period, rel=1e-3)
+    record = imported(tmp_path, columns, STATED | {"rate": 1 / period}).record
+    assert record.period == pytest.approx(period) and record.valid is None
 
 
 def test_missing_rows_are_no_coarse_stamps(clean, tmp_path):
@@ -269,13 +268,6 @@ def test_missing_rows_are_no_coarse_stamps(clean, tmp_path):
 def test_time_that_does_not_advance_is_refused_with_its_cause(spoil, said, clean, tmp_path):
     with pytest.raises(LogError, match=said):
         imported(tmp_path, clean | {"time": spoil(clean["time"])})
-
-
-def test_a_clock_that_begins_again_is_continued(clean, tmp_path):
-    turn = 2**32 * 1e-6
-    time = (clean["time"] + turn - 3.0) % turn
-    result = imported(tmp_path, clean | {"time": time}, STATED)
-    assert len(result.record.time) == len(time) and "restarts" in seen(result, "time stamps").text
 
 
 def test_irregular_stamps_are_refused_with_what_to_do(tmp_path):

@@ -96,10 +96,13 @@ def test_an_interpolated_log_is_that_of_its_samples(log, tmp_path):
     right(found(tmp_path, columns_of(*lines, time=T * k)))
 
 
-def test_coarse_stamps_are_those_of_an_even_sampling(log, tmp_path):
+def test_coarse_stamps_of_an_even_sampling_need_the_rate(log, tmp_path):
     u, speed, _ = log
-    tick = 1.5e-3
-    right(found(tmp_path, columns_of(u, speed, time=tick * np.floor(T * np.arange(N) / tick))))
+    stamps = 1.5e-3 * np.floor(T * np.arange(N) / 1.5e-3)
+    columns = columns_of(u, speed, time=stamps)
+    warnings = found(tmp_path, columns).warnings
+    assert any("are missing" in text for text in warnings)
+    right(found(tmp_path, columns, {"rate": 1 / T}))
 
 
 @pytest.mark.parametrize("lost", ["every 10th", 0.2, 0.01])

@@ -9,8 +9,9 @@ N = 60
 K = np.arange(float(N))
 
 
-def explained(value, covariates=None, *, false_alarms=0.01, deviation=0.003):
-    return explain(value, np.full(len(value), deviation), covariates, false_alarms=false_alarms)
+def explained(value, covariates=(), *, false_alarms=0.01):
+    beside = np.reshape(covariates, (len(value), -1))
+    return explain(value, np.full(len(value), 0.003), beside, false_alarms=false_alarms)
 
 
 @pytest.mark.parametrize(
@@ -39,7 +40,7 @@ def test_false_alarms_are_as_rare_as_stated():
     for _ in range(200):
         temperature = np.cumsum(rng.standard_normal(40))
         value = 0.01 * rng.standard_normal(40) + 0.001 * temperature
-        one = explained(value, temperature[:, None], false_alarms=0.05)
+        one = explained(value, temperature, false_alarms=0.05)
         alarms += one.kind != "constant"
     assert alarms <= 21
 
@@ -47,7 +48,7 @@ def test_false_alarms_are_as_rare_as_stated():
 def test_a_covariate_explains_what_looks_like_a_change():
     rng = np.random.default_rng(2)
     temperature = 20 + 5 * (K >= 30) + rng.standard_normal(N)
-    one = explained(1 - 0.01 * temperature + 0.003 * rng.standard_normal(N), temperature[:, None])
+    one = explained(1 - 0.01 * temperature + 0.003 * rng.standard_normal(N), temperature)
     assert one.kind == "constant"
     assert one.slopes[0] == pytest.approx(-0.01, abs=4 * one.slope_deviations[0])
 

@@ -3,9 +3,11 @@
 import math
 
 import numpy as np
+import pandas as pd
 import pytest
 
-from flexaxis.experiments.logs.mapping import mapping_from, pick
+from flexaxis.experiments.logs.findings import checked
+from flexaxis.experiments.logs.mapping import LogMap, pick
 from flexaxis.experiments.logs.read import Log
 
 # One of each unit, as a book of tables has it.
@@ -39,7 +41,7 @@ ONE = {
 )
 def test_a_unit_at_the_end_of_a_name(column, unit):
     ramp = np.arange(1.0, 6.0)
-    given = mapping_from({"speed": column}, source="")
+    given = checked(LogMap, {"speed": column}, "")
     raw = pick(log(time=ramp, torque=ramp, **{column: ramp}), given)
     np.testing.assert_allclose(raw.signals["speed"], ramp * ONE["speed"].get(unit, 1.0), rtol=1e-12)
     assert raw.linear == (unit == "mm/s")
@@ -47,8 +49,7 @@ def test_a_unit_at_the_end_of_a_name(column, unit):
 
 def log(**columns):
     """A log whose columns are named as its signals, or as told."""
-    arrays = {name: np.asarray(values, float) for name, values in columns.items()}
-    return Log(tuple(arrays), lambda names, rows: {n: arrays[n][rows] for n in names})
+    return Log({name: pd.Series(values) for name, values in columns.items()}, {})
 
 
 @pytest.mark.parametrize(
@@ -57,7 +58,7 @@ def log(**columns):
 def test_one_of_each_unit(signal, unit):
     ramp = np.arange(1.0, 6.0)
     given = log(time=ramp, torque=ramp, angle=ramp, speed=ramp)
-    raw = pick(given, mapping_from({"unit": {signal: unit}}, source=""))
+    raw = pick(given, checked(LogMap, {"unit": {signal: unit}}, ""))
     values = raw.time if signal == "time" else raw.signals[signal]
     np.testing.assert_allclose(values, ramp * ONE[signal][unit], rtol=1e-12)
     assert raw.unit.keys() == {signal}
@@ -65,6 +66,6 @@ def test_one_of_each_unit(signal, unit):
 
 def test_a_factor_comes_after_the_unit():
     ramp = np.arange(5.0)
-    given = mapping_from({"unit": {"angle": "rev"}, "scale": {"angle": -0.5}}, source="")
+    given = checked(LogMap, {"unit": {"angle": "rev"}, "scale": {"angle": -0.5}}, "")
     raw = pick(log(time=ramp, torque=ramp, angle=ramp), given)
     np.testing.assert_allclose(raw.signals["angle"], -math.pi * ramp)
