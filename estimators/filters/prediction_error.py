@@ -171,14 +171,14 @@ def measure(state, y, valid):
     now["expected"] = state.X[-1, 0]
     now["epsilon"] = now["variance"] = np.nan
     if valid:
-        now["scale"] = 1.0 + _form(state.P, psi, gain)
+        now["scale"] = 1.0 + form(state.P, psi, gain)
         valid = not (now["clip"] > 0.0 and _sticks(now, y))
     else:
         now["reading"] = np.nan
     if valid:
         now["epsilon"] = y - now["expected"]
         weight = 1.0 / now["scale"]
-        spread = 1.0 + _form(state.claim, psi, state.reach)
+        spread = 1.0 + form(state.claim, psi, state.reach)
         now["quiet"] = now["noise"]
         judged = now["samples"] >= KNOWN or now["known"] > 0.0
         if judged or now["samples"] > 0.0:
@@ -226,7 +226,7 @@ def _sticks(now, y):
 
 
 @inlined
-def _form(P, psi, gain):
+def form(P, psi, gain):
     """Write P ψ into ``gain``, and return ψᵀ P ψ."""
     total = 0.0
     for i in range(len(psi)):
@@ -290,13 +290,19 @@ def correct_state(state):
 @inlined
 def time_update(state):
     """Perform the time update of P, eq. (9) or (10), and regularise P, eq. (12)."""
-    P, column = state.P, state.gain  # the gain is no longer needed: reuse its memory
+    # the gain is no longer needed: reuse its memory
+    grow(state.P, state.gain, state.now[0]["forgetting"], state.drift, state.regularization)
+
+
+@inlined
+def grow(P, column, forgetting, drift, regularization):
+    """Do the same for a matrix P (p, p), with memory (p,) for a column."""
     p = len(P)
     for i in range(p):
         for j in range(p):
-            P[i, j] = P[i, j] / state.now[0]["forgetting"] + state.drift[i, j]
+            P[i, j] = P[i, j] / forgetting + drift[i, j]
     for axis in range(p):  # (12) is equivalent to measuring every parameter once, with weight μ
-        mu = state.regularization[axis]
+        mu = regularization[axis]
         if mu > 0.0:
             for i in range(p):
                 column[i] = P[i, axis]

@@ -128,17 +128,6 @@ def moving_poles(model: Model) -> NDArray[np.complex128]:
     return poles[np.abs(poles.real) > 1e-6 * np.abs(poles).max(initial=0.0)]
 
 
-def named_values(name: str, identify: Sequence[str]) -> NDArray[np.float64]:
-    """Return θ (p,) of a named axis [SI], with NaN for parameters that the axis does not have."""
-    values = _axis(name).nominal
-    return np.array(
-        [
-            values.get(n.removeprefix("1/"), np.nan) ** (-1.0 if n.startswith("1/") else 1.0)
-            for n in identify
-        ]
-    )
-
-
 def _axis(name: str) -> Model:
     """Return a named axis; the nominal axis of the benchmark is the only one."""
     return {"n1": three_mass(N1)}[name]

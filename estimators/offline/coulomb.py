@@ -31,7 +31,7 @@ class Sampled(NamedTuple):
 
     Attributes
     ----------
-    slides, sticks : (parts, n+1, n+1) arrays
+    moves : (2, parts, n+1, n+1) array
         Transition matrices over T, T/2, T/4, … while the axis slides, and while the axis sticks.
     output : (n+1,) array
         Row of coefficients that maps the states to the output y.
@@ -45,8 +45,7 @@ class Sampled(NamedTuple):
         Indices of the states that are set to zero at the start of every sample.
     """
 
-    slides: Array
-    sticks: Array
+    moves: Array
     output: Array
     pull: Array
     speed: int
@@ -79,18 +78,13 @@ def sampled(model: Parametrization, theta: Array, period: float) -> Sampled:
         law, speed = model.laws.records[0], int(np.argmax(model.laws.drive))
         level = float(law["value"][COULOMB] * np.append(theta, 1.0)[law["parameter"][COULOMB]])
         stuck[speed] = 0.0
-    slides, sticks = _transitions(np.array([generator, stuck]))
     cleared = np.array(model.reset, np.int64)
-    return Sampled(slides, sticks, output, generator[speed].copy(), speed, level, cleared)
-
-
-def _transitions(generators: Array) -> Array:
-    """Return exp(G), exp(G/2), exp(G/4), … (m, parts, n, n) for generators G (m, n, n)."""
-    short = generators * 0.5**HALVINGS
+    short = np.array([generator, stuck]) * 0.5**HALVINGS
     less = [short + short @ short / 2]  # exp(G) − I, accurate to round-off
     for _ in range(HALVINGS):
         less.append(2 * less[-1] + less[-1] @ less[-1])
-    return np.eye(short.shape[-1]) + np.stack(less[::-1], axis=1)
+    moves = np.eye(len(stuck)) + np.stack(less[::-1], axis=1)
+    return Sampled(moves, output, generator[speed].copy(), speed, level, cleared)
 
 
 @inlined
@@ -115,7 +109,7 @@ def follow(axis, x, torque):
     torque : (N,) array
         Torques, each held over one sample.
     """
-    v, last, after = axis.speed, len(axis.slides) - 1, np.zeros(len(x))
+    v, after = axis.speed, np.zeros(len(x))
     hold = abs(axis.pull[-2] * axis.level)
     y, way = np.zeros(len(torque)), np.sign(x[v]) if hold > 0.0 else 1.0
     x[-2] += axis.level * way
@@ -125,19 +119,19 @@ def follow(axis, x, torque):
         if way == 0.0:
             way = _way(axis, x, hold)
         place = part = 0
-        while place < 1 << last:
-            steps = axis.sticks[part] if way == 0.0 else axis.slides[part]
+        while place < 1 << HALVINGS:
+            steps = axis.moves[int(way == 0.0), part]
             for i in range(len(x)):
                 after[i] = _times(steps[i], x)
             met = hold > 0.0 and _meets(axis, x, after, way, hold, part)
-            if met and part < last:
+            if met and part < HALVINGS:
                 part += 1
                 continue
             x[:] = after
-            place += 1 << (last - part)
+            place += 1 << (HALVINGS - part)
             if met:
                 x[v], way = 0.0, _way(axis, x, hold)
-            while part and place % (2 << (last - part)) == 0:
+            while part and place % (2 << (HALVINGS - part)) == 0:
                 part -= 1  # take the longest step that is aligned with the current position
         y[k] = _times(axis.output, x)
     return y

@@ -7,12 +7,9 @@ model can describe any linear system: L. Ljung, *System Identification: Theory f
 2nd ed., sections 4.2 and 10.1.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike, NDArray
-from scipy.signal import freqz
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.models.discretisation import sampled_system
@@ -22,33 +19,9 @@ from flexaxis.estimators.signals import check_signals
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Arx:
+def fit_arx(u: ArrayLike, y: ArrayLike, *, order: int) -> tuple[Array, Array]:
     """
-    An ARX model A(q) y = B(q) u + e.
-
-    Attributes
-    ----------
-    a : (n+1,) array
-        Coefficients 1, a₁, …, a_n.
-    b : (n+1,) array
-        Coefficients 0, b₁, …, b_n; the first is zero because a torque acts on the next sample.
-    period : float
-        Sampling period T [s].
-    """
-
-    a: Array
-    b: Array
-    period: float
-
-    def response(self, omega: ArrayLike) -> NDArray[np.complex128]:
-        """Return the frequency response B/A (M,) at angular frequencies ω (M,) [rad/s]."""
-        return freqz(self.b, self.a, worN=np.asarray(omega, float) * self.period)[1]
-
-
-def fit_arx(u: ArrayLike, y: ArrayLike, *, order: int, period: float) -> Arx:
-    """
-    Fit an ARX model of order n by least squares.
+    Fit an ARX model of order n by least squares; return 1, a₁, …, a_n and 0, b₁, …, b_n (n+1,).
 
     White noise on y is coloured noise in an ARX model, which biases a model of low order. A model
     with an order much higher than the order of the axis can represent the colour of the noise.
@@ -59,8 +32,6 @@ def fit_arx(u: ArrayLike, y: ArrayLike, *, order: int, period: float) -> Arx:
         Torque and output; N must exceed 3n.
     order : int
         Order n, the number of unknown coefficients of each polynomial.
-    period : float
-        Sampling period T [s].
 
     Raises
     ------
@@ -76,7 +47,7 @@ def fit_arx(u: ArrayLike, y: ArrayLike, *, order: int, period: float) -> Arx:
     regressors = np.hstack([-past_y, past_u])
     coefficients, *_ = np.linalg.lstsq(regressors, y[order:])
     a, b = np.split(coefficients, 2)
-    return Arx(np.r_[1.0, a], np.r_[0.0, b], period)
+    return np.r_[1.0, a], np.r_[0.0, b]
 
 
 ComplexArray = NDArray[np.complex128]

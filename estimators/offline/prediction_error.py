@@ -257,11 +257,10 @@ def noise_model(residual: Array, highest: int, ok: Flags | None = None) -> Array
 
 def inverse_of(H: Array, damping: float = 0.0) -> Array:
     """Return (H + damping·diag H)⁻¹, with rows and columns of zeros where diag H is zero."""
-    seen, inverse = np.diag(H) > 0, np.zeros_like(H)
-    size = np.sqrt(np.outer(np.diag(H)[seen], np.diag(H)[seen]))
-    scaled = H[np.ix_(seen, seen)] / size + (damping + ROUNDING) * np.eye(len(size))
-    inverse[np.ix_(seen, seen)] = np.linalg.inv(scaled) / size
-    return inverse
+    size = np.sqrt(np.diag(H))
+    units = np.outer(*2 * [np.where(size > 0, size, 1.0)])
+    scaled = H / units + (damping + ROUNDING) * np.diag(size > 0)
+    return np.linalg.pinv(scaled, 0.1 * ROUNDING, hermitian=True) / units
 
 
 def pieces(ok: Flags) -> NDArray[np.int64]:

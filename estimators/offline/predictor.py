@@ -62,18 +62,9 @@ def predict(
 
 
 @compiled
-def respond(transition, gain, output, u):
-    """
-    Return output @ X (N, m) for X[k+1] = Φ X[k] + Γ u[k], starting at rest.
-
-    The additions are written element by element, because slices take seconds to compile.
-    """
-    X = np.zeros(len(transition))
-    outputs = np.empty((len(u), len(output)))
-    for k in range(len(u)):
-        row, moved = np.dot(output, X), np.dot(transition, X)
-        for i in range(len(row)):
-            outputs[k, i] = row[i]
-        for i in range(len(X)):
-            X[i] = moved[i] + gain[i] * u[k]
-    return outputs
+def respond(transition, gain, u):
+    """Return the states X (N, n) of X[k+1] = Φ X[k] + Γ u[k], starting at rest."""
+    X = np.zeros((len(u), len(gain)))
+    for k in range(len(u) - 1):
+        X[k + 1] = np.dot(transition, X[k]) + gain * u[k]
+    return X

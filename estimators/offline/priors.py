@@ -12,15 +12,16 @@ adaptation, with time constants much longer than the memory of the plant.
 import pickle
 from collections.abc import Sequence
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.filters.design import Design, make_design
-from flexaxis.estimators.filters.prediction_error import subtract
+from flexaxis.estimators.filters.design import covariance_matrix, make_design
+from flexaxis.estimators.filters.prediction_error import form, grow, subtract
 from flexaxis.estimators.models.compiler import compiled
-from flexaxis.estimators.models.meaning import is_axis, moves_as, named_values
+from flexaxis.estimators.models.meaning import is_axis, moves_as
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.models.parametrization import Parametrization
 from flexaxis.estimators.offline.predictor import as_torque, predict
@@ -45,10 +46,7 @@ def nominal_P(
     *,
     identify: Sequence[str] | None = None,
     period: float,
-    forgetting: float | None = None,
-    drift: ArrayLike | None = None,
-    regularization: ArrayLike = 0.0,
-    output: str = "speed",
+    **options: Any,
 ) -> Array:
     """
     Return the diagonal of P(0), computed by the recipe of the paper's section 5.2.
@@ -61,8 +59,9 @@ def nominal_P(
     model : Model
     u : (N,) array_like
         Torque of a nominal run of some tens of seconds.
-    identify, period, forgetting, drift, regularization, output
-        Options of `flexaxis.estimators.Rpem`.
+    identify, period, **options
+        Options of `flexaxis.estimators.Rpem`, such as ``forgetting``, ``drift``, ``regularization``
+        and ``output``.
 
     Returns
     -------
@@ -74,23 +73,15 @@ def nominal_P(
     EstimatorError
         If an option or the torque cannot be used.
     """
-    design = make_design(
-        model,
-        identify=identify,
-        theta0=None,
-        P0=model.parametrize(identify).theta ** 2 / 100,
-        period=period,
-        forgetting=forgetting,
-        drift=drift,
-        regularization=regularization,
-        bounds=None,
-        output=output,
-    )
+    first = model.parametrize(identify).theta ** 2 / 100
+    design = make_design(model, identify=identify, P0=first, period=period, **options)
     # the design, and therefore P, is expressed in relative parameters
     psi = _gradient_along(design.model, design.theta0, u, design.period)
-    P = np.diag(_steady(psi, design))
-    mean = _mean_diagonal(psi, P, design.forgetting, design.drift, design.regularization)
-    return mean * design.scale**2
+    # an approximate steady state, eq. (29) or (30) for each parameter
+    Q, drift, forgotten = _energy(psi), np.diag(design.drift), 1 - design.forgetting
+    P = np.where(drift > 0, np.sqrt(drift / Q), max(forgotten, 1 / len(psi)) / Q)
+    rules = design.forgetting, design.drift, design.regularization
+    return _mean_diagonal(psi, np.diag(P), *rules) * design.scale**2
 
 
 def _gradient_along(model: Parametrization, theta: Array, u: ArrayLike, period: float) -> Array:
@@ -100,13 +91,6 @@ def _gradient_along(model: Parametrization, theta: Array, u: ArrayLike, period: 
 
 def _energy(psi: Array) -> Array:
     return np.maximum(np.mean(psi**2, axis=0), np.finfo(float).tiny)
-
-
-def _steady(psi: Array, design: Design) -> Array:
-    """Return an approximate diagonal (p,) of the steady P: eq. (29) or (30) for each parameter."""
-    Q = _energy(psi)
-    forgotten = max(1 - design.forgetting, 1 / len(psi))
-    return np.where(np.diag(design.drift) > 0, np.sqrt(np.diag(design.drift) / Q), forgotten / Q)
 
 
 # A benchmark constructs many estimators for every record, and all of them use the same gradient.
@@ -122,21 +106,9 @@ def _mean_diagonal(psi, P, forgetting, drift, regularization):
     N, p = psi.shape
     gain, total = np.empty(p), np.zeros(p)
     for k in range(N):
-        s = 1.0
-        for i in range(p):
-            gain[i] = 0.0
-            for j in range(p):
-                gain[i] += P[i, j] * psi[k, j]
-            s += psi[k, i] * gain[i]
-        subtract(P, gain, 1.0 / s)
-        for i in range(p):
-            for j in range(p):
-                P[i, j] = P[i, j] / forgetting + drift[i, j]
-        for axis in range(p):  # (12) is equivalent to measuring every parameter once, with weight μ
-            for i in range(p):
-                gain[i] = P[i, axis]
-            weight = regularization[axis]
-            subtract(P, gain, weight / (1.0 + weight * P[axis, axis]))
+        weight = 1.0 / (1.0 + form(P, psi[k], gain))
+        subtract(P, gain, weight)
+        grow(P, gain, forgetting, drift, regularization)
         for i in range(p if k >= N // 2 else 0):
             total[i] += P[i, i]
     return total / (N - N // 2)
@@ -157,8 +129,8 @@ def default_drift(
     then follows changes with the time constant τ_i, independent of units. If the poles of the model
     are similar to those of the nominal axis, τ_i are the time constants that eq. (32) leads to on
     the nominal axis; otherwise all τ_i are the geometric mean of these time constants. Without a
-    torque, Δ is that of eq. (32) on the nominal axis; on another axis, Δ_ii is scaled with θ_i² and
-    T².
+    torque, Δ is that of eq. (32) on the nominal axis, and proportional to θ_i² on any other axis; Δ
+    is also proportional to T².
 
     Parameters
     ----------
@@ -173,21 +145,15 @@ def default_drift(
         Kind of signal y.
     """
     theta = model.parametrize(identify).theta
-    alike = moves_as(model, AXIS)
     if torque is not None:
         chosen = find_signal(output).predicted(model, period)
         Q = _energy(_gradient_along(chosen.parametrize(identify), theta, torque, period))
-        seconds = [FOLLOWS.get(n, FOLLOWS_MEAN) if alike else FOLLOWS_MEAN for n in identify]
-        return (period / np.array(seconds)) ** 2 / Q
-    paper = np.array([DRIFT.get(name, np.nan) for name in identify])
-    unit = theta**2 * (period / PERIOD) ** 2  # keeps time constants the same
-    if period == PERIOD and is_axis(model, AXIS, identify):
-        known = paper  # the values of eq. (32), even if the estimates start elsewhere
-    elif alike:
-        known = paper / named_values(AXIS, identify) ** 2 * unit
-    else:
-        known = np.full(len(theta), np.nan)
-    return np.where(np.isnan(known), RELATIVE_DRIFT * unit, known)
+        usual = FOLLOWS if moves_as(model, AXIS) else {}
+        return (period / np.array([usual.get(n, FOLLOWS_MEAN) for n in identify])) ** 2 / Q
+    # the values of eq. (32) are valid even if the estimates start elsewhere
+    known = DRIFT if is_axis(model, AXIS, identify) else {}
+    relative = zip(identify, RELATIVE_DRIFT * theta**2, strict=True)
+    return (period / PERIOD) ** 2 * np.array([known.get(name, usual) for name, usual in relative])
 
 
 def stored_P(
@@ -272,14 +238,14 @@ def steady_P(
     """
     Q = np.asarray(Q, float)
     inverse = np.linalg.inv(Q)
-    if (forgetting is None) == (drift is None):
-        raise EstimatorError("give either forgetting (λ) or drift (Δ)")
-    if forgetting is not None:
+    if forgetting is not None and drift is None:
         return (1 - forgetting) * inverse
+    if drift is None or forgetting is not None:
+        raise EstimatorError("give either forgetting (λ) or drift (Δ)")
     # (P Q)² = Δ Q, so P Q is the square root of Δ Q with positive eigenvalues
     from scipy.linalg import sqrtm  # takes a tenth of a second to import
 
-    return sqrtm(_matrix(drift) @ Q).real @ inverse
+    return sqrtm(covariance_matrix("drift", drift, len(inverse)) @ Q).real @ inverse
 
 
 def drift_for(
@@ -357,8 +323,3 @@ def estimate_covariance(P: ArrayLike, noise_variance: float) -> Array:
         Variance σ² of the output noise.
     """
     return noise_variance * np.asarray(P, float) / 2
-
-
-def _matrix(value: ArrayLike | None) -> Array:
-    value = np.asarray(value, float)
-    return np.diag(value) if value.ndim == 1 else value

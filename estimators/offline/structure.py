@@ -17,7 +17,6 @@ from numpy.typing import ArrayLike, NDArray
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.models.axes import N1, PAPER, real_axis, three_mass
 from flexaxis.estimators.models.discretisation import discretize
-from flexaxis.estimators.models.formula import multiply_out
 from flexaxis.estimators.models.laws import INPUT, LAWS, Law
 from flexaxis.estimators.models.meaning import is_axis, structure
 from flexaxis.estimators.models.model import Model
@@ -31,7 +30,7 @@ TRACKED = ("k_T", "1/J_a", "f_m", "f_c")
 TOLD = 0.2  # relative standard deviation of a parameter known from a data sheet or an old log
 DAMPING = 0.3  # relative standard deviation of a damping parameter, which is rarely measured
 FIRM = 0.1  # relative standard deviation of masses and springs, which are computed in the design
-SETTLED = 5000  # length of an impulse response, as a multiple of 1/|pole| of the fastest mode
+INTEGRATES = 1e-9  # largest |pole| of an integrator, relative to that of the fastest mode
 BOX = (0.1, 10.0)  # bounds of all these parameters, as multiples of the start
 
 
@@ -96,17 +95,18 @@ def measured(model: Model, torque: ArrayLike | None, period: float) -> list[tupl
     if not np.all(np.isfinite(u)) or not u.any():
         raise EstimatorError("torque must be from a run in which the axis moves, and not all 0")
     A, B, _ = matrices(model)
+    x = _driven(model, u, period)
+    changes = A @ x + np.outer(B, u)
     fastest = float(max(abs(np.linalg.eigvals(A))))  # 1/s, even if the reference is slow
     result = []
-    for law in model.laws:
+    for law, acts in zip(model.laws, _acts(model).T, strict=True):
         drive = np.array([law.drive.get(state, 0.0) for state in model.states])
-        w, change = _respond(model, B, np.array([drive, drive @ A]), u, period)
-        size = float(np.std(w + law.drive.get(INPUT, 0.0) * u))
+        size = float(np.std(drive @ x + law.drive.get(INPUT, 0.0) * u))
         if not size > 0:
             drives = ", ".join(law.drive)
             raise EstimatorError(f"the torque does not move {drives}, which is the drive of a law")
-        rate = float(np.sqrt(np.mean((change + (drive @ B) * u) ** 2))) / size
-        force = _force(model, law, B) * float(np.sqrt(np.mean(u**2)))
+        rate = float(np.sqrt(np.mean((drive @ changes) ** 2))) / size
+        force = _force(model, acts) * float(np.sqrt(np.mean(u**2)))
         result.append((law, Sizes(size, force, max(rate, fastest))))
     return result
 
@@ -119,16 +119,11 @@ def matrices(model: Model) -> tuple[Array, Array, Array]:
     return A, B[:, 0], C[0] / np.abs(C).sum()
 
 
-def _impulse(model: Model) -> tuple[Array, float]:
-    """Return an impulse (N,) and T [s]; all modes are excited, and nearly all decay within N T."""
-    A, _, _ = matrices(model)
-    return np.eye(1, SETTLED)[0], 1.0 / float(max(abs(np.linalg.eigvals(A))))
-
-
-def _respond(model: Model, B: Array, rows: Array, u: Array, period: float) -> Array:
-    """Return rows @ x (m, N) for the states x of the linear model, driven from rest by B u (N,)."""
-    transition, gain = discretize(matrices(model)[0], B[:, None], period)
-    return respond(transition.copy(), gain[:, 0].copy(), rows, u).T
+def _driven(model: Model, u: Array, period: float) -> Array:
+    """Return the states (n, N) of a model without its laws, driven from rest by a torque (N,)."""
+    A, B, _ = matrices(model)
+    transition, gain = discretize(A, B[:, None], period)
+    return respond(transition.copy(), gain[:, 0].copy(), u).T
 
 
 def state_sizes(model: Model, torque: ArrayLike | None, period: float) -> Array:
@@ -140,38 +135,38 @@ def state_sizes(model: Model, torque: ArrayLike | None, period: float) -> Array:
     """
     if torque is None:
         return np.array([NOMINAL_STATES.get(state, 0.0) for state in model.states])
-    A, B, _ = matrices(model)
-    moved = np.std(_respond(model, B, np.eye(len(A)), as_torque(torque), period), axis=1)
-    integrates = ~np.any(A, axis=0)  # angles: no derivative depends on these states
-    return np.where(integrates, 0.0, moved)
+    moves = np.any(matrices(model)[0], axis=0)  # no derivative depends on an angle
+    return moves * np.std(_driven(model, as_torque(torque), period), axis=1)
 
 
-def _force(model: Model, law: Law, B: Array) -> float:
+def _force(model: Model, acts: Array) -> float:
     """
     Return the torque of a law that has the same effect as an input of one.
 
     Effects are compared for a state on which both the law and the input act. If there is no such
-    state, as for friction of a load, the effects on the output are compared.
+    state, as for friction of a load, the effects on the output are compared at the slowest pole, at
+    which the axis is almost rigid.
+
+    Parameters
+    ----------
+    model : Model
+    acts : (n,) array
+        Factors of the law's torque in the derivatives of the states.
     """
-    acts = _acts(model, law)
-    for i in (list(model.states).index(state) for state in law.acts):
-        if B[i] and acts[i]:
-            return abs(float(B[i] / acts[i]))
-    u, period = _impulse(model)
-    output = matrices(model)[2][None]
-    by_law, by_input = (np.std(_respond(model, b, output, u, period)) for b in (acts, B))
+    A, B, C = matrices(model)
+    for i in np.flatnonzero(B * acts):
+        return float(abs(B[i] / acts[i]))
+    rates = abs(np.linalg.eigvals(A))
+    slowest = 1j * rates[rates > INTEGRATES * rates.max()].min() * np.eye(len(A))
+    by_input, by_law = abs(C @ np.linalg.solve(slowest - A, np.column_stack([B, acts])))
     return float(by_input / by_law) if by_law > 0 and by_input > 0 else 1.0
 
 
-def _acts(model: Model, law: Law) -> Array:
-    """Return the factors (n,) of a law's torque in the derivatives of the states."""
-    acts = np.zeros(len(model.states))
-    for state, formula in law.acts.items():
-        acts[list(model.states).index(state)] = sum(
-            c * float(np.prod([model.nominal[name] ** e for name, e in powers.items()]))
-            for c, powers in multiply_out(formula)
-        )
-    return acts
+def _acts(model: Model) -> Array:
+    """Return the factors (n, L) of the laws' torques in the derivatives of the states."""
+    one = model.parametrize(model.parameters[:1])
+    block, torques = one.blocks(one.theta)[0], slice(one.states, one.n)
+    return np.asarray(block[: len(model.states), torques])
 
 
 def _stored(model: Model, law: Law) -> Sizes:

@@ -1,8 +1,8 @@
 """The output of a model for a record, with derivatives by all unknown quantities."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -12,7 +12,7 @@ from scipy.interpolate import CubicSpline
 from flexaxis.estimators.models.discretisation import law_steps
 from flexaxis.estimators.models.parametrization import Parametrization
 from flexaxis.estimators.models.simulation import along, simulation
-from flexaxis.estimators.offline.coulomb import Sampled, follow, is_dry, sampled
+from flexaxis.estimators.offline.coulomb import follow, is_dry, sampled
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -28,7 +28,8 @@ def delayed(u: ArrayLike, samples: float, *, smooth: bool = False) -> Array:
 
     A held torque u with a delay of n + δ samples equals u[k−n−1] during the first fraction δ of
     sample k and u[k−n] during the rest. Its mean is (1−δ) u[k−n] + δ u[k−n−1]; this mean torque
-    accelerates an inertia to exactly the same speed at the end of the sample. If u is a sequence of
+    accelerates an inertia to exactly the same speed at the end of the sample, and it is an
+    interpolation of u. If u is a sequence of
     means of a smooth signal, such as a measured current, u is interpolated by a cubic spline
     instead.
 
@@ -52,10 +53,7 @@ def delayed(u: ArrayLike, samples: float, *, smooth: bool = False) -> Array:
     times = np.arange(len(u))
     if smooth:
         return CubicSpline(times, u)(np.clip(times - samples, 0, len(u) - 1)) if samples else u
-    whole, part = divmod(samples, 1)
-    places = times - int(whole)
-    now, before = (np.where(k < 0, 0.0, u[np.minimum(k, len(u) - 1)]) for k in (places, places - 1))
-    return (1 - part) * now + part * before
+    return np.interp(times - samples, np.arange(-1, len(u)), np.r_[0.0, u])
 
 
 @dataclass(frozen=True)
@@ -126,10 +124,8 @@ class Trajectory:
 
     def fastest(self, theta: Array) -> float:
         """Return the largest |pole| of the linear part in radians per sample; inf if not finite."""
-        A = self.model.blocks(theta)[0][:-1, :-1]
-        if not np.isfinite(A).all():
-            return np.inf
-        return float(np.max(abs(np.linalg.eigvals(A)))) * self.period
+        A = self.model.matrices(theta)[0]
+        return self.period * max(abs(np.linalg.eigvals(A))) if np.isfinite(A).all() else np.inf
 
     def along(self, z: Array, held: Flags | None = None) -> tuple[Array, Array]:
         """
@@ -167,20 +163,9 @@ class Trajectory:
     def _steps(self, z: Array) -> Array:
         """Return the changes (q,) of the unknowns in numerical derivatives."""
         size = np.full(self.q, LEAST)
-        size[: self.p] = abs(self.model.theta)
+        size[: self.p] = np.where(self.model.theta, abs(self.model.theta), LEAST)
         size[self.p : self.first] = size[-2] = np.std(self.u)
-        size = STEP * np.maximum(abs(z), np.where(size > 0, size, LEAST))
-        size[-1] = 10 * STEP * self.period
-        return size
-
-    @cached_property
-    def _late(self) -> Callable[[float], Array]:
-        """Cached function that returns the torque for a delay in samples."""
-        return lru_cache(2)(lambda samples: delayed(self.u, samples, smooth=self.smooth))
-
-    @cached_property
-    def _sampled(self) -> Callable[[tuple[float, ...]], Sampled]:
-        return lru_cache(2)(lambda theta: sampled(self.model, np.array(theta), self.period))
+        return np.r_[STEP * np.maximum(abs(z), size)[:-1], 10 * STEP * self.period]
 
     def _ends(self) -> list[tuple[int, int]]:
         return list(pairwise([*self.begins, len(self.u) - 1]))
@@ -188,13 +173,13 @@ class Trajectory:
     def _simulated(self, z: Array) -> tuple[Array, Array]:
         """Return ŷ (N,) and, if laws are solved in steps, derivatives (q, N) by θ and states."""
         p, theta, free = self.p, z[: self.p], self.free
-        torque = self._late(z[-1] / self.period) + z[-2]
+        torque = delayed(self.u, z[-1] / self.period, smooth=self.smooth) + z[-2]
         torque += z[p : self.first] @ self.beside if len(self.beside) else 0.0
         y, slopes = np.zeros(len(torque)), np.zeros((self.q, len(torque)))
         if self.in_steps:
             steps = STEPS * law_steps(replace(self.model, theta=theta), self.period)
         else:
-            axis = self._sampled(tuple(theta))
+            axis = sampled(self.model, theta, self.period)
         for place, (begin, end) in zip(self.states, self._ends(), strict=True):
             here = slice(begin + 1, end + 1)
             if self.in_steps:

@@ -94,8 +94,20 @@ class Candidate:
         """
         own = (*self.setup.names, *self.setup.beside)
         places = [own.index(name) for name in names if name in own]
-        sd = deviations_of(self.setup, self.fitted)[places]
-        return not places or bool((abs(self.fitted.z[places]) > SURE * sd).any())
+        clear = abs(self.fitted.z) > SURE * self.deviations
+        return not places or bool(clear[places].any())
+
+    @property
+    def stuck(self) -> list[str]:
+        """The identified parameters that are at a bound of the search."""
+        problem, z = self.fitted.problem, self.fitted.z
+        at = (z <= problem.lower * (1 + 1e-9)) | (z >= problem.upper * (1 - 1e-9))
+        return [name for name, side in zip(self.setup.names, at, strict=False) if side]
+
+    @cached_property
+    def deviations(self) -> Array:
+        """Standard deviations (q,) of the unknowns."""
+        return deviations_of(self.setup, self.fitted)
 
 
 def candidate(setup: Setup, theta: Array, lag: float) -> Candidate:
@@ -115,53 +127,18 @@ def held_out(setup: Setup) -> Flags:
     return held
 
 
-@dataclass(frozen=True)
-class Answer:
-    """The fit to the whole log.
-
-    Attributes
-    ----------
-    setup : Setup
-        Model and log.
-    fitted : Fitted
-        Fit to all usable samples.
-    deviations : ndarray (q,)
-        Standard deviations of the unknowns of the fit.
-    """
-
-    setup: Setup
-    fitted: Fitted
-    deviations: Array
-
-    @property
-    def stuck(self) -> list[str]:
-        """The identified parameters that are at a bound of the search."""
-        problem, z = self.fitted.problem, self.fitted.z
-        at = (z <= problem.lower * (1 + 1e-9)) | (z >= problem.upper * (1 - 1e-9))
-        return [name for name, side in zip(self.setup.names, at, strict=False) if side]
-
-
-def answer(best: Candidate) -> Answer:
+def answer(best: Candidate) -> Candidate:
     """Fit the model of the best candidate to the whole log.
 
     If the model is adequate, the fit minimises whitened errors. If the model is incomplete, the fit
-    minimises the simulation error, and the standard deviations include half of a step towards the
-    minimum of the whitened errors. If this fit ends at a bound, whitened errors are minimised
+    minimises the simulation error. If this fit ends at a bound, whitened errors are minimised
     instead.
     """
-    result = _answer(best, 0 if best.lacks else ROUNDS)
-    if not best.lacks:
-        return result
-    if result.stuck:
-        return _answer(best, ROUNDS)
-    fitted = result.fitted
-    whitened = replace(fitted, inverse=fitted.problem.noise(fitted.residual))
-    return replace(result, deviations=np.hypot(result.deviations, whitened.step() / 2))
-
-
-def _answer(best: Candidate, rounds: int) -> Answer:
-    fitted = best.setup.solve(best.fitted.z, rounds=rounds)
-    return Answer(best.setup, fitted, deviations_of(best.setup, fitted))
+    for rounds in (0, ROUNDS) if best.lacks else (ROUNDS,):
+        result = replace(best, fitted=best.setup.solve(best.fitted.z, rounds=rounds))
+        if not result.stuck:
+            break
+    return result
 
 
 def deviations_of(setup: Setup, fitted: Fitted) -> Array:
@@ -169,7 +146,8 @@ def deviations_of(setup: Setup, fitted: Fitted) -> Array:
 
     Each standard deviation is the larger of two values: one is computed for white residuals, the
     other from the scatter over pieces of the log. The numerical errors of arithmetic, of an
-    incomplete convergence, and of laws that are solved in steps are added.
+    incomplete convergence, and of laws that are solved in steps are added, and half of a step
+    towards the minimum of the whitened errors.
     """
     free, spread = np.diag(fitted.covariance) > 0, np.zeros(len(fitted.z))
     spread[free] = jackknife(fitted.gradient[free], fitted.white, fitted.good)
@@ -177,4 +155,6 @@ def deviations_of(setup: Setup, fitted: Fitted) -> Array:
     if fitted.problem.trajectory.in_steps:
         lawful = [i for i, n in enumerate(setup.names) if n in setup.model.law_parameters]
         off[lawful] = np.maximum(off[lawful], STEPS * abs(fitted.z[lawful]))
-    return np.hypot(np.maximum(fitted.deviations, spread), off * free)
+    deviations = np.hypot(np.maximum(fitted.deviations, spread), off * free)
+    whitened = replace(fitted, inverse=fitted.problem.noise(fitted.residual))
+    return np.hypot(deviations, whitened.step() / 2)

@@ -5,16 +5,18 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.models.model import Model
+from flexaxis.estimators.offline.structure import matrices
 from flexaxis.experiments.logs.axis_file import Axis
 from flexaxis.experiments.logs.changes import changes_in
 from flexaxis.experiments.logs.findings import Finding, LogError, texts_of
-from flexaxis.experiments.logs.fit import Answer, answer
-from flexaxis.experiments.logs.search import FRICTION, Search, Tried
+from flexaxis.experiments.logs.fit import Candidate, answer
+from flexaxis.experiments.logs.search import FRICTION, LAWFUL, Search, Tried
 from flexaxis.experiments.logs.setup import Setup
 from flexaxis.experiments.logs.signals import log_of
 from flexaxis.experiments.logs.verdict import Fit, correlation, fit_of, judged
@@ -26,8 +28,6 @@ Array = NDArray[np.float64]
 GIVEN = ("k_T", "r")  # torque scale and gear ratio, which no log of a single axis determines
 KINDS = ("auto", "none", *FRICTION)
 GRAVITY = ("auto", "none", "sine")
-LAWFUL = tuple(dict.fromkeys(n for roles in FRICTION.values() for n in roles.values()))
-"""Parameters that the option --friction may add."""
 HELD = 0.02  # samples: maximum deviation from half a sample of the delay of a mistaken held torque
 MOST = 500_000  # maximum number of samples in a fit
 
@@ -40,9 +40,13 @@ class Identification:
     ----------
     axis : Axis
         Axis with the new nominal values, laws, delay, offset, whitening filter and noise.
-    answer : Answer
+    answer : Candidate
         Fit to the whole log, with standard deviations of all unknowns: parameters, gains of
         additional torques, states, offset and delay.
+    estimates : mapping of str to (float, float)
+        Value and standard deviation of each parameter, of each gain of an additional torque, of
+        ``delay`` [s] and of ``offset``, in the unit of the torque. The standard deviation of the
+        delay is 0 if the delay was given, or if it is the smallest delay that the search allows.
     fit : float
         Fit 100 (1 − |y − ŷ|/|y − mean y|) [%] of a simulation of held-out pieces from the torque
         alone.
@@ -62,7 +66,8 @@ class Identification:
     """
 
     axis: Axis
-    answer: Answer
+    answer: Candidate
+    estimates: Mapping[str, tuple[float, float]]
     fit: float
     whole: Fit
     friction: str
@@ -74,40 +79,22 @@ class Identification:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the identified parameters, then of the gains of additional torques."""
-        return (*self.answer.setup.names, *self.answer.setup.beside)
+        return tuple(self.estimates)[:-2]
 
     @property
     def theta(self) -> Array:
         """Estimates (p,) of `names`."""
-        return self.answer.fitted.z[: len(self.names)]
+        return np.array([*self.estimates.values()])[:-2, 0]
 
     @property
     def deviations(self) -> Array:
         """Standard deviations (p,) of `theta`."""
-        return self.answer.deviations[: len(self.names)]
-
-    @property
-    def estimates(self) -> dict[str, tuple[float, float]]:
-        """Value and standard deviation of each parameter, of ``delay`` [s] and of ``offset``.
-
-        The offset is in the unit of the torque. The standard deviation of the delay is 0 if the
-        delay was given, or if it is the smallest delay that the search allows.
-        """
-        setup = self.answer.setup
-        z, sd = self.answer.fitted.z.tolist(), self.answer.deviations.tolist()
-        result = dict(zip(self.names, zip(z, sd, strict=True), strict=False))
-        known = setup.delay is not None or z[-1] <= setup.earliest
-        return result | {"delay": (z[-1], 0.0 if known else sd[-1]), "offset": (z[-2], sd[-2])}
+        return np.array([*self.estimates.values()])[:-2, 1]
 
     @property
     def warnings(self) -> list[str]:
         """The reasons why the estimates cannot be used, one sentence per reason."""
         return texts_of(self.findings, "problem")
-
-    @property
-    def residual(self) -> Array:
-        """Error y − ŷ (N,) of the simulation [rad/s]."""
-        return self.answer.fitted.residual
 
     @property
     def correlation(self) -> float:
@@ -199,11 +186,17 @@ def _result(search: Search, axis: Axis, record: Record, cut: bool) -> Identifica
     taken = answer(best)
     setup, fitted, log = taken.setup, taken.fitted, taken.setup.log
     whole = fit_of(log.y, fitted.residual, setup.ok)
-    fit, lag = 100 * (1 - best.error / whole.size), float(fitted.z[-1])
-    values = dict(zip((*setup.names, *setup.beside), fitted.z.tolist(), strict=False))
+    fit = 100 * (1 - best.error / whole.size)
+    keys = (*setup.names, *setup.beside, "delay", "offset")
+    rows = [*range(len(keys) - 2), -1, -2]
+    z, sd = fitted.z[rows].tolist(), taken.deviations[rows].tolist()
+    *_, lag, offset = z
+    if setup.delay is not None or lag <= setup.earliest:
+        sd[-2] = 0.0
+    values = dict(zip(keys, z, strict=True))
+    estimates = dict(zip(keys, zip(z, sd, strict=True), strict=True))
     model = setup.having({n: values[n] for n in setup.names}).model
     _check_rate(model, log.period)
-    offset = float(fitted.z[-2])
     result = replace(
         axis,
         model=model,
@@ -212,16 +205,15 @@ def _result(search: Search, axis: Axis, record: Record, cut: bool) -> Identifica
         whitening=tuple(fitted.inverse.tolist()),
         noise=float(np.sqrt(fitted.square)),
         error=best.error,
-        offset=offset if abs(offset) > 3 * taken.deviations[-2] else 0.0,
+        offset=offset if abs(offset) > 3 * sd[-1] else 0.0,
         beside={n: values[n] for n in setup.beside},
         rate=1 / log.period,
-        deviation=dict(zip(values, taken.deviations.tolist(), strict=False)),
+        deviation=dict(zip(keys[:-2], sd, strict=False)),
     )
-    J = fitted.gradient[[*range(len(values)), -2, -1]][:, fitted.good]
-    size = np.r_[list(values.values()), 1.0, log.period]
-    time = log.period * np.flatnonzero(fitted.good)
-    white = fitted.white[fitted.good]
-    changes, _ = changes_in(time, white, (J * size[:, None]).T, tuple(values))  # type: ignore[arg-type]
+    good, size = fitted.good, np.r_[z[:-2], log.period, 1.0]
+    time: Any = log.period * np.flatnonzero(good)
+    J = (fitted.gradient[rows] * size[:, None])[:, good].T
+    changes, _ = changes_in(time, fitted.white[good], J, keys[:-2])
     findings = judged(search, best, taken, fit, changes)
     stated = record.versions.get("torque_because") == "as stated"
     if log.smooth and not stated and abs(lag / log.period - 0.5) < HELD:
@@ -237,8 +229,8 @@ def _result(search: Search, axis: Axis, record: Record, cut: bool) -> Identifica
     if setup.model.laws and not axis.model.laws:
         word = "coulomb" if "f_s" not in setup.model.parameters else "stribeck"
     return Identification(
-        result, taken, fit, whole, word, tuple(search.tried),
-        tuple(findings), record.versions.get("torque_unit", ""),
+        result, taken, estimates, fit, whole, word, tuple(search.tried), tuple(findings),
+        record.versions.get("torque_unit", ""),
         record.versions.get("motion") == "linear",
     )  # fmt: skip
 
@@ -257,10 +249,7 @@ def free_names(axis: Axis, free: Sequence[str], fix: Sequence[str]) -> tuple[str
 
 def _check_rate(model: Model, period: float) -> None:
     """Raise a LogError if the sampling rate is too low for the fastest mode of the model."""
-    linear = replace(model, laws=())
-    every = linear.parametrize(linear.parameters)
-    modes = np.linalg.eigvals(every.matrices(every.theta)[0])
-    fastest = float(np.max(abs(modes.imag))) / (2 * np.pi)
+    fastest = float(np.max(abs(np.linalg.eigvals(matrices(model)[0]).imag))) / (2 * np.pi)
     if 2 * fastest * period > 1:
         raise LogError(
             f"a log at {1 / period:.4g} Hz cannot show a mode at {fastest:.4g} Hz: log faster, "

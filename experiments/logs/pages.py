@@ -121,7 +121,7 @@ def identification_page(
     text += f" These numbers cannot be used: {problems[0]}." if problems else ""
     y = result.answer.setup.log.y
     time = period * np.arange(float(len(y)))
-    charts = [_compared("Simulation from the torque", time, y, y - result.residual)]
+    charts = [_compared("Simulation from the torque", time, y, y - result.answer.fitted.residual)]
     if other is not None:
         title_of = "Simulation of the other log"
         charts.append(_compared(title_of, other.time, other.measured, other.simulated))

@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,10 +37,14 @@ FRICTION: Mapping[str, Mapping[str, str]] = {
 }
 """Laws of dry friction of the motor: the roles of each law, and the parameters in these roles."""
 STIFF = 100.0  # rad per sample, natural frequency of the bristles that represent Coulomb friction
-LEVEL, BREAKAWAY = 3.0, 5.0  # upper bounds of f_c and f_s, relative to the rms torque
-LEVELS = 0.01, 0.07  # initial values, relative to these bounds
-SHAPES = {"alpha": (10.0, 1.0, 50.0), "beta": (20.0, 1.0, 100.0)}
-"""Initial value and bounds of the parameters of Stribeck's hump, multiplied by the rms speed."""
+LEVELS = 0.01, 0.07  # initial values of f_c, relative to its upper bound
+LAWFUL = {
+    "f_c": (0.03, 0.0, 3.0),
+    "f_s": (0.05, 0.0, 5.0),
+    "alpha": (10.0, 1.0, 50.0),
+    "beta": (20.0, 1.0, 100.0),
+}
+"""Parameters of the laws: initial value and bounds, for an rms torque and an rms speed of one."""
 WINDOW = 0.05  # s, interval over which changes of momentum are compared with impulses
 TURN = 0.5  # rad, minimum range of the load angle; in a smaller range gravity is nearly constant
 EARLY = 4.0  # samples, maximum time by which a torque may act before it is logged
@@ -166,28 +171,23 @@ class Search:
 
     def _law(self, best: Candidate, kind: str) -> tuple[Setup, Array, float]:
         """Return a setup with a friction law, and the initial parameters and delay [s]."""
-        (theta, lag), log = _place(best), self.setup.log
-        values = dict(zip(best.setup.names, theta.tolist(), strict=True))
-        setup, roles = best.setup.having(values), dict[str, str | float](FRICTION[kind])
-        linear = replace(setup.model, laws=())
-        nominal = {name: setup.model.nominal[name] for name in linear.parameters}
+        theta, lag = _place(best)
+        setup = best.setup.having(dict(zip(best.setup.names, theta.tolist(), strict=True)))
+        nominal, log, roles = setup.model.nominal, setup.log, dict[str, Any](FRICTION[kind])
         if kind == "coulomb":
             roles["stiffness"] = (STIFF / log.period) ** 2 * abs(nominal["J_m"])
         law = replace(STATIC if kind == "stribeck" else BRISTLES, parameters=roles)
         torque = abs(nominal.get("k_T", 1.0)) * float(np.std(log.u[log.ok]))
-        speed = float(np.sqrt(np.mean(log.y[log.ok] ** 2)))
-        box = {"f_c": (0.0, LEVEL * torque), "f_s": (0.0, BREAKAWAY * torque)}
-        start = {name: LEVELS[0] * high for name, (_, high) in box.items()}
-        for name, (usual, low, high) in SHAPES.items():
-            start[name], box[name] = usual / speed, (low / speed, high / speed)
-        start |= values | dict(self.levels)
-        names = [n for n in setup.names if n in linear.parameters]
-        names += [n for n in law.names if n not in self.fix]
-        nominal |= {name: start[name] for name in law.names}
+        unit = {"f_c": torque, "f_s": torque}
+        slow = 1 / float(np.sqrt(np.mean(log.y[log.ok] ** 2)))
+        sizes = {n: (np.array(LAWFUL[n]) * unit.get(n, slow)).tolist() for n in law.names}
+        nominal = {n: start for n, (start, *_) in sizes.items()} | dict(nominal) | dict(self.levels)
         setup = replace(
-            setup, model=replace(linear, laws=(law,), nominal=nominal), names=tuple(names),
-            box={name: box[name] for name in law.names},
-        )  # fmt: skip
+            setup,
+            model=replace(setup.model, laws=(law,), nominal=nominal),
+            names=tuple(n for n in dict.fromkeys((*setup.names, *law.names)) if n not in self.fix),
+            box={n: (low, high) for n, (_, low, high) in sizes.items()},
+        )
         return setup, setup.start, lag
 
     def _early(self, best: Candidate) -> Candidate:

@@ -94,7 +94,7 @@ class Setup:
     @property
     def latest(self) -> float:
         """Maximum delay that is tried [s]."""
-        return min(max(LATEST[0], LATEST[1] * self.log.period), 0.1 * len(self.log.u))
+        return max(LATEST[0], LATEST[1] * self.log.period)
 
     @property
     def start(self) -> Array:
@@ -156,16 +156,10 @@ class Setup:
         """
         problem, z = self.problem(without), self.start if z is None else z
         if len(z) != problem.trajectory.q:
-            z = self._begun(problem, z, 0.0, lag if self.delay is None else self.delay).z
+            z = self.begun(problem, z, 0.0, lag if self.delay is None else self.delay).z
         return problem.fit(z, **options)
 
-    def begun(self, offset: float, delay: float) -> Fitted:
-        """Fit only the initial states of stretches; all other unknowns keep their given values."""
-        problem = self.problem()
-        problem.held[-2] = True
-        return self._begun(problem, self.start, offset, delay)
-
-    def _begun(self, problem: Problem, theta: Array, offset: float, delay: float) -> Fitted:
+    def begun(self, problem: Problem, theta: Array, offset: float, delay: float) -> Fitted:
         """Fit all unknowns except parameters and delay with a few steps, assuming white noise."""
         along, held = problem.trajectory, problem.held.copy()
         held[: len(theta)] = held[-1] = True

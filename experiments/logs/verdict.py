@@ -7,12 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import correlate
 
 from flexaxis.experiments.logs.axis_file import Axis
 from flexaxis.experiments.logs.changes import Change
 from flexaxis.experiments.logs.findings import Finding, Kind, LogError
-from flexaxis.experiments.logs.fit import Answer, Candidate
+from flexaxis.experiments.logs.fit import Candidate
 from flexaxis.experiments.logs.search import Search
 from flexaxis.experiments.logs.setup import Setup
 from flexaxis.experiments.logs.signals import log_of, noise_of
@@ -36,7 +35,7 @@ SMOOTHER = {"two_mass": "one_mass", "three_mass": "two_mass"}
 
 
 def judged(
-    search: Search, best: Candidate, chosen: Answer, fit: float, changes: Sequence[Change]
+    search: Search, best: Candidate, chosen: Candidate, fit: float, changes: Sequence[Change]
 ) -> list[Finding]:
     """Return the findings on an identification, one sentence per finding.
 
@@ -117,17 +116,16 @@ def _change(one: Change, period: float) -> str:
     return f"{one.text}: identify {part}, and follow it with flexaxis track"
 
 
-def _unseen(search: Search, chosen: Answer) -> Iterator[tuple[Kind, bool, str]]:
+def _unseen(search: Search, chosen: Candidate) -> Iterator[tuple[Kind, bool, str]]:
     """Yield a finding on each parameter that the log does not determine, with a remedy."""
-    setup, names = chosen.setup, chosen.setup.names
-    shapes = setup.model.law_parameters - {"f_c"}
-    ends = set(chosen.stuck) - shapes
-    wide = {
-        name: sd / max(abs(value), 1e-300)
-        for name, value, sd in zip(names, chosen.fitted.z, chosen.deviations, strict=False)
-        if name not in shapes
+    names, model = chosen.setup.names, chosen.setup.model
+    ends, shapes = chosen.stuck, model.law_parameters - {"f_c"}
+    share = chosen.deviations / np.maximum(abs(chosen.fitted.z), 1e-300)
+    unseen = {
+        name: one
+        for name, one in zip(names, share.tolist(), strict=False)
+        if name not in shapes and (name in ends or one >= BLIND)
     }
-    unseen = [name for name, share in wide.items() if name in ends or share >= BLIND]
     if len(unseen) > 2 and len(unseen) >= len(names) - 1:
         smaller = SMOOTHER.get(search.setup.model.name, "one_mass")
         text = (
@@ -136,20 +134,20 @@ def _unseen(search: Search, chosen: Answer) -> Iterator[tuple[Kind, bool, str]]:
         )
         yield "problem", True, text
         return
-    for name in unseen:
-        known = "it may be 0" if wide[name] >= 1 else f"it is known to ±{100 * wide[name]:.0f} %"
+    grave = bool(unseen.keys() & ends) or 2 * len(unseen) > len(names)
+    for name, one in unseen.items():
+        known = "it may be 0" if one >= 1 else f"it is known to ±{100 * one:.0f} %"
         known = "it is at a bound of the search" if name in ends else known
         remedy = f"fix it with --fix {name}=VALUE, or excite more where it acts"
         if name == "f_c":
             remedy = "use --friction none, or a longer log with slow and fast motion"
         elif other := _summed(chosen, name):
             remedy = f"only {name} + {other} is known: give --fix {name}=0; {other} is then the sum"
-        grave = bool(ends) or 2 * len(unseen) > len(names)
         text = f"the log does not determine {name}: {known}; {remedy}"
         yield "problem" if grave else "note", True, text
 
 
-def _summed(chosen: Answer, name: str) -> str:
+def _summed(chosen: Candidate, name: str) -> str:
     """Return another parameter if the log determines only its sum with the parameter `name`.
 
     The result is an empty text if there is no such parameter. Otherwise, the estimates of both
@@ -216,9 +214,8 @@ def fit_of(y: Array, residual: Array, ok: Flags) -> Fit:
 def correlation(white: Array) -> float:
     """Return the largest correlation of a residual (N,) with its `LAGS` previous values."""
     e = white - white.mean()
-    past = correlate(e, e, method="fft")[len(e) - 1 :][: LAGS + 1]
-    past = past[1:] / past[0]
-    return float(past[np.argmax(abs(past))])
+    past = [e[:-lag] @ e[lag:] / (e @ e) for lag in range(1, LAGS + 1)]
+    return float(max(past, key=abs))
 
 
 @dataclass(frozen=True)
@@ -260,7 +257,9 @@ def validate(record: Record, axis: Axis) -> Validation:
     axis.check_rate(record.period)
     log, names = log_of(record, axis), tuple(axis.model.parameters[:1])
     setup = Setup(log, axis.model, names, delay=axis.delay)
-    fitted = setup.begun(axis.offset, axis.delay)
+    problem = setup.problem()
+    problem.held[-2] = True  # the offset is known
+    fitted = setup.begun(problem, setup.start, axis.offset, axis.delay)
     if not np.isfinite(fitted.residual).all():
         raise LogError("the axis cannot be simulated over this log: is it the same axis?")
     fit = fit_of(log.y, fitted.residual, setup.ok)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import approx_fprime
-from scipy.signal import find_peaks
+from scipy.signal import find_peaks, freqz
 
 from flexaxis.estimators.offline.frequency import (
     fit_arx,
@@ -193,8 +193,10 @@ class Measures(Evidence):
     def responses(self, omega: Array) -> dict[str, Any]:
         """Return the frequency responses (M,) of the axis and of the models in Fig. 4."""
         u, y = signals(self.records("long")[0])
-        result = {f"ARX, order {n}": fit_arx(u, y, order=n, period=self.period).response(omega)
-                 for n in ORDERS}  # fmt: skip
+        result = {}
+        for n in ORDERS:
+            a, b = fit_arx(u, y, order=n)
+            result[f"ARX, order {n}"] = freqz(b, a, worN=omega * self.period)[1]
         for name, known in (("axis", self.model), (PHYSICAL, self.physical)):
             model = self.axis.parametrize(known.names)
             result[name], _ = frequency_response(model, known.theta, omega, period=self.period)

@@ -56,15 +56,15 @@ A, B = np.array([1.0, -1.5, 0.7]), np.array([0.0, 1.0, 0.5])
 
 def test_finds_the_coefficients_of_a_noiseless_record():
     u = np.random.default_rng(0).standard_normal(500)
-    found = fit_arx(u, lfilter(B, A, u), order=2, period=0.005)
-    np.testing.assert_allclose(found.a, A, atol=1e-10)
-    np.testing.assert_allclose(found.b, B, atol=1e-10)
+    a, b = fit_arx(u, lfilter(B, A, u), order=2)
+    np.testing.assert_allclose(a, A, atol=1e-10)
+    np.testing.assert_allclose(b, B, atol=1e-10)
 
 
 def test_is_consistent_for_equation_noise():
     rng = np.random.default_rng(1)
     u, e = rng.standard_normal((2, 20000))
-    found = fit_arx(u, lfilter(B, A, u) + lfilter([1], A, 0.1 * e), order=2, period=0.005)
+    a, b = fit_arx(u, lfilter(B, A, u) + lfilter([1], A, 0.1 * e), order=2)
     # least squares: standard deviations of 0.1/√20000 and less
-    np.testing.assert_allclose(found.a, A, atol=4e-3)
-    np.testing.assert_allclose(found.b, B, atol=4e-3)
+    np.testing.assert_allclose(a, A, atol=4e-3)
+    np.testing.assert_allclose(b, B, atol=4e-3)
