@@ -263,22 +263,28 @@ def inverse_of(H: Array, damping: float = 0.0) -> Array:
     return np.linalg.pinv(scaled, 0.1 * ROUNDING, hermitian=True) / units
 
 
-def pieces(ok: Flags) -> NDArray[np.int64]:
-    """Return the piece number (N,) of each sample; all pieces have equally many usable samples."""
-    count = np.cumsum(ok)
-    return np.minimum(count * PIECES // max(int(count[-1]), 1), PIECES - 1)
+def pieces(ok: Flags, key: Array | None = None) -> NDArray[np.int64]:
+    """
+    Return the piece number (N,) of each sample; all pieces have equally many usable samples.
+
+    Pieces are intervals of time, or intervals of a signal ``key`` (N,), such as the speed.
+    """
+    order = np.arange(len(ok)) if key is None else np.argsort(key, kind="stable")
+    count = np.empty(len(ok), int)
+    count[order] = np.cumsum(ok[order])
+    return np.minimum(count * PIECES // max(int(ok.sum()), 1), PIECES - 1)
 
 
-def jackknife(J: Array, e: Array, good: Flags) -> Array:
+def jackknife(J: Array, e: Array, good: Flags, key: Array | None = None) -> Array:
     """
     Return jackknife standard deviations (q,) of a regression of e (N,) on the rows of J (q, N).
 
-    Each piece of the record is omitted once; the estimate without the piece is computed by one
+    Each of the `pieces` is omitted once; the estimate without the piece is computed by one
     Gauss–Newton step from the estimate with all pieces. For white noise the result agrees with the
     covariance; errors of the model increase it. B. Efron and C. Stein, *The jackknife estimate of
     variance*, Ann. Statist. 9, 1981.
     """
-    number = np.where(good, pieces(good), PIECES)
+    number = np.where(good, pieces(good, key), PIECES)
     parts = [J[:, number == i] for i in range(PIECES)]
     H = np.array([rows @ rows.T for rows in parts])
     g = np.array([rows @ e[number == i] for i, rows in enumerate(parts)])

@@ -144,17 +144,19 @@ def answer(best: Candidate) -> Candidate:
 def deviations_of(setup: Setup, fitted: Fitted) -> Array:
     """Return the standard deviations (q,) of the unknowns of a fit.
 
-    Each standard deviation is the larger of two values: one is computed for white residuals, the
-    other from the scatter over pieces of the log. The numerical errors of arithmetic, of an
-    incomplete convergence, and of laws that are solved in steps are added, and half of a step
-    towards the minimum of the whitened errors.
+    The variance for white residuals is increased by the additional scatter of the estimates over
+    pieces of the log. Pieces are intervals of time, of the speed and of the angle, because the
+    errors of a friction law depend on speed and angle: over a whole motion they would be hidden in
+    an interval of time. The numerical errors of arithmetic, of an incomplete convergence, and of
+    laws that are solved in steps are added.
     """
-    free, spread = np.diag(fitted.covariance) > 0, np.zeros(len(fitted.z))
-    spread[free] = jackknife(fitted.gradient[free], fitted.white, fitted.good)
+    white = np.diag(fitted.covariance)
+    free, log, variance = white > 0, setup.log, white.copy()
+    for key in (None, abs(log.y), log.angle):
+        scatter = jackknife(fitted.gradient[free], fitted.white, fitted.good, key)
+        variance[free] += np.maximum(scatter**2 - white[free], 0.0)
     off = np.maximum(abs(fitted.step()), EXACT * abs(fitted.z))
     if fitted.problem.trajectory.in_steps:
         lawful = [i for i, n in enumerate(setup.names) if n in setup.model.law_parameters]
         off[lawful] = np.maximum(off[lawful], STEPS * abs(fitted.z[lawful]))
-    deviations = np.hypot(np.maximum(fitted.deviations, spread), off * free)
-    whitened = replace(fitted, inverse=fitted.problem.noise(fitted.residual))
-    return np.hypot(deviations, whitened.step() / 2)
+    return np.sqrt(variance + (off * free) ** 2)

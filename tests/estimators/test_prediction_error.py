@@ -81,3 +81,10 @@ def test_beside_white_noise_the_jackknife_says_what_a_covariance_says():
         deviation = jackknife(rows, rng.standard_normal(2000), np.ones(2000, bool))
         ratios.append(deviation / np.sqrt(np.diag(np.linalg.inv(rows @ rows.T))))
     np.testing.assert_allclose(np.sqrt(np.mean(np.square(ratios), axis=0)), 1.0, rtol=0.15)
+
+
+def test_an_error_that_depends_on_the_speed_scatters_over_pieces_of_speed():
+    """In time it is the same in every piece, as each has four periods but for one sample."""
+    speed, good = np.sin(2 * np.pi * np.arange(2000) / 50), np.ones(2000, bool)
+    assert jackknife(speed[None], speed**3, good) < 1e-4
+    assert jackknife(speed[None], speed**3, good, abs(speed)) > 0.05
