@@ -214,10 +214,13 @@ def log_of(record: Record, axis: Axis) -> Log:
 def columns_beside(angle: Array) -> dict[str, Array]:
     """Return a dict of the regressors (N,) of gravity; the keys are the names of their gains.
 
-    The regressors are −sin φ and −cos φ, where φ is the angle half a sample later.
+    The regressors are −sin φ and −cos φ, where φ is the mean of the angle over the sample that
+    follows. The mean is that of a cubic polynomial through four angles. The mean of two angles
+    would be wrong by T²/12 times the acceleration, which an inertia of the wrong size imitates.
     """
-    half = (angle + np.append(angle[1:], angle[-1])) / 2
-    return {"g_sin": -np.sin(half), "g_cos": -np.cos(half)}
+    weights = np.array([-1, 13, 13, -1]) / 24
+    mean = np.convolve(np.pad(angle, (1, 2), "edge"), weights, "valid")
+    return {"g_sin": -np.sin(mean), "g_cos": -np.cos(mean)}
 
 
 def noise_of(y: Array) -> float:

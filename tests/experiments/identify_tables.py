@@ -92,7 +92,8 @@ def _step(system, motor, x, u, friction, shape):  # noqa: PLR0917
     hump, slow, ripple, wave, phase, sided, offset, gravity = shape
     Phi, gain, brake = system
     v, side = x[motor], 1.0 + 0.5 * sided * np.sign(x[motor])
-    u = u + offset - ripple * np.sin(wave * x[-1] + phase) - gravity * np.sin(x[-1])
+    angle = x[-1] + 0.5 * Phi[-1, motor] * v  # in the middle of the step
+    u = u + offset - ripple * np.sin(wave * angle + phase) - gravity * np.sin(angle)
     x = Phi @ x + gain * (u - friction[1] * v * (side - 1.0))  # the linear part has f_m itself
     level = friction[0] * side * (1.0 + hump * np.exp(-((v / slow) ** 2)))
     return x + brake * min(max(-x[motor] / brake[motor], -level), level)
