@@ -87,11 +87,13 @@ def time_stamps(raw: Raw, record: Record, remarks: Sequence[str]) -> Row:
             "gaps are not used"
         )
     kind: Kind = "problem" if missing >= MISSING else "note" if texts[1:] else "ok"
-    if missing < ROUNDED or gaps.max() > 2:  # an increment also needs the sample before
-        return kind, "; ".join(texts)
-    even = (len(raw.time) - 1) / (raw.time[-1] - raw.time[0])
-    texts.append("if no row is missing, and only the stamps are rounded, give the rate")
-    return kind, "; ".join(texts), f"--rate {even:.5g} in place of the time"
+    if missing >= ROUNDED and gaps.max() <= 2:  # an increment also needs the sample before
+        even = (len(raw.time) - 1) / (raw.time[-1] - raw.time[0])
+        texts.append(
+            "if no row is missing and only the stamps are rounded, use --rate "
+            f"{even:.5g} instead of the time"
+        )
+    return kind, "; ".join(texts)
 
 
 def wrapping(angle: Array, turn: float) -> Row | None:

@@ -18,7 +18,7 @@ RESTING = 0.05  # maximum speed of an axis at rest, relative to the standard dev
 FIRST, CLEAR = 5, 3.0  # number of samples that determine the first speed; factor on their noise
 UNKNOWN, ROOM = 30, 2e7  # maximum number of unknown states after gaps, and of their derivatives
 LONGEST = 200_000  # maximum number of samples of a signal that are examined
-STRAIGHT, LINED = 1e-3, 0.45  # relative second difference on a line; fraction of samples on lines
+STRAIGHT = 1e-3  # maximum relative second difference on a line
 MOST_KNOTS, BENDS = 21, 0.95  # updates are at most 20 samples apart; fraction of changes at them
 MOVING = 3.0  # minimum move of a signal between updates, in steps of its resolution
 ROUNDING = 1e-3  # rounding error of the range of an angle, in turns
@@ -79,14 +79,13 @@ def rhythm(values: Array) -> tuple[int, int, bool]:
     """
     x = values[np.isfinite(values)][:LONGEST]
     moves = np.abs(np.diff(x))
-    jumps, digit = moves[moves > 0], resolution(x)
+    jumps = moves[moves > 0]
+    if not len(jumps) or np.median(jumps) < MOVING * resolution(x):
+        return 1, 0, False
     for lines in (True, False):
         change = np.abs(np.diff(x, 2)) if lines else moves
         straight, most = np.percentile(change, [40, 99])  # along lines, half or more is rounding
         bent = change > max(STRAIGHT * most, 4 * straight)
-        seen = (~bent & (moves[1:] > 0)).mean() > LINED if lines else len(jumps) > 20
-        if not seen or np.median(jumps) < MOVING * digit:
-            continue
         for n in range(2, MOST_KNOTS):
             share = [bent[r::n].sum() / max(bent.sum(), 1) for r in range(n)]
             if max(share) > BENDS and bent.sum() > 0.5 * len(bent) / n:

@@ -19,7 +19,6 @@ from flexaxis.experiments.logs.findings import LogError
 Array = NDArray[np.float64]
 
 SEGMENT = 4.0  # s, length of the pieces over which spectra are averaged
-EDGE = 0.01  # fraction of the torque's power below its band, and above its band
 PIECES = 6  # minimum number of pieces of a short log
 COHERENT = 0.8  # minimum coherence of a frequency that is used
 SUREST = 0.95  # coherence above which model errors exceed the noise
@@ -61,13 +60,6 @@ class Spectra:
     def coherence(self) -> Array:
         """Fraction of the power of the motion that the torque explains (M,)."""
         return np.abs(self.cross) ** 2 / np.maximum(self.torque * self.motion, 1e-300)
-
-    @property
-    def band(self) -> tuple[float, float]:
-        """Frequencies between which 98 % of the power of the torque lies [Hz]."""
-        share = np.cumsum(self.torque) / max(float(np.sum(self.torque)), 1e-300)
-        low, high = np.interp([EDGE, 1 - EDGE], share, self.frequency)
-        return float(low), float(high)
 
 
 def spectra(u: Array, y: Array, period: float, *, pieces: int = 2) -> Spectra:
@@ -187,10 +179,7 @@ def fit_response(
             for start in starts
         ]  # fmt: skip
     except ValueError as error:
-        raise LogError(
-            f"from these values the model has no finite response: {dict(chosen.nominal)}; "  # type: ignore[attr-defined]
-            "give other values with --start NAME=VALUE"
-        ) from error
+        raise LogError("from these values the model has no finite response") from error
     best = min(fits, key=lambda fit: float(fit.cost)).x
     return chosen.theta * np.exp(best[:p]), max(float(best[p] * period), earliest)
 

@@ -50,19 +50,6 @@ def test_wrong_styles_are_refused(given, word, record, tmp_path):
         round_trip(record, tmp_path / "log.csv", **given)
 
 
-def test_command(short, tmp_path, capsys):
-    words = ["simulate", str(short), "--as-log", "csv", "--units", "deg,A", "--gaps", "2"]
-    one, other = tmp_path / "one.csv", tmp_path / "other.csv"
-    for path in (one, other):
-        assert main([*words, "-o", str(path), "--json"]) == 0
-    said = json.loads(capsys.readouterr().out.splitlines()[0])
-    assert said["import"].startswith("flexaxis import")
-    assert one.read_bytes() == other.read_bytes()
-    assert one.read_text().splitlines()[0] == "time [s],torque [A],angle [deg],speed [rad/s]"
-    assert main([*words, "-o", str(tmp_path / "wrong.txt")]) == 2
-    assert main(["simulate", str(short), "--gaps", "2", "-o", str(one)]) == 2
-
-
 @pytest.fixture
 def short(tmp_path):
     path = tmp_path / "short.toml"
@@ -72,11 +59,16 @@ def short(tmp_path):
 
 
 def test_the_printed_line_imports_the_log(short, tmp_path, capsys):
-    log, rec = tmp_path / "a log.csv", tmp_path / "rec.nc"
+    one, other, rec = (tmp_path / name for name in ("one log.csv", "other.csv", "rec.nc"))
     words = ["simulate", str(short), "--as-log", "csv", "--units", "deg,mA,ms,rpm"]
-    assert main([*words, "-o", str(log), "--json"]) == 0
-    printed = shlex.split(json.loads(capsys.readouterr().out)["import"])
+    for path in (one, other):
+        assert main([*words, "-o", str(path), "--json"]) == 0
+    assert one.read_bytes() == other.read_bytes()
+    assert one.read_text().splitlines()[0] == "time [ms],torque [mA],angle [deg],speed [rpm]"
+    printed = shlex.split(json.loads(capsys.readouterr().out.splitlines()[0])["import"])
     assert main([*printed[1:], "-o", str(rec)]) == 0
     back, true = load_record(rec), simulate(load_scenario(short), [0])[0]
     for name in ("time", "torque", "angle", "speed"):
         np.testing.assert_allclose(getattr(back, name), getattr(true, name), rtol=1e-6, atol=1e-6)
+    assert main([*words, "-o", str(tmp_path / "wrong.txt")]) == 2
+    assert main(["simulate", str(short), "--gaps", "2", "-o", str(one)]) == 2

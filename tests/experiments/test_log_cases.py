@@ -89,22 +89,6 @@ def test_a_low_passed_speed_is_never_status_0(log, tmp_path):
     assert any("low-pass of about" in text and "log the angle" in text for text in result.warnings)
 
 
-def test_an_interpolated_log_is_that_of_its_samples(log, tmp_path):
-    u, speed, _ = log
-    k = np.arange(4 * N - 3) / 4
-    lines = (np.round(np.interp(k, np.arange(N), x), 6) for x in (u, speed))
-    right(found(tmp_path, columns_of(*lines, time=T * k)))
-
-
-def test_coarse_stamps_of_an_even_sampling_need_the_rate(log, tmp_path):
-    u, speed, _ = log
-    stamps = 1.5e-3 * np.floor(T * np.arange(N) / 1.5e-3)
-    columns = columns_of(u, speed, time=stamps)
-    warnings = found(tmp_path, columns).warnings
-    assert any("are missing" in text for text in warnings)
-    right(found(tmp_path, columns, {"rate": 1 / T}))
-
-
 @pytest.mark.parametrize("lost", ["every 10th", 0.2, 0.01])
 def test_lost_rows_do_not_crash_and_give_no_wrong_number(lost, log, tmp_path):
     kept = np.arange(N) % 10 != 9

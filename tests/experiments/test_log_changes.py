@@ -75,19 +75,6 @@ def test_a_change_along_a_record_has_its_size_however_large():
     assert change.relative == pytest.approx(0.5, abs=0.01)
 
 
-def test_a_drift_is_told_as_one_with_its_size():
-    look = look_of(1.0, 1 - 0.3 * TIME / TIME[-1])
-    (change,), _ = changes_along(look, TIME, np.array([1.0, 1.0]), ("a", "b"))
-    assert (change.name, change.kind) == ("b", "drift")
-    assert change.relative == pytest.approx(-0.3, abs=0.03)
-
-
-def test_a_stretch_without_information_is_no_change():
-    still = TIME < 3500
-    X[still] = Z[still] = 0.0
-    assert changes_along(look_of(1.0, 1.0), TIME, np.array([1.0, 1.2]), ("a", "b")) == ([], [])
-
-
 def test_constant_records_have_no_changes():
     """Two hundred parameters at 0.1 %: none, or one."""
     rng, count = np.random.default_rng(3), 0

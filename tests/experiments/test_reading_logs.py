@@ -10,7 +10,6 @@ from flexaxis.experiments.logs.findings import LogError, checked
 from flexaxis.experiments.logs.importing import import_log
 from flexaxis.experiments.logs.mapping import LogMap, pick
 from flexaxis.experiments.logs.read import open_log
-from flexaxis.sim.record import load_record
 
 N = 400
 rng = np.random.default_rng(0)
@@ -103,19 +102,17 @@ def test_an_index_in_brackets_is_no_unit_and_no_other_joint_is_meant(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("column", "unit", "factor"),
+    ("column", "factor"),
     [
-        ("current_mA", None, 1e-3),
-        ("current [mA]", None, 1e-3),
-        ("current", "mA", 1e-3),
-        ("torque_ma", None, 1.0),  # a moving average
-        ("torque [µNm]", None, 1e-6),
+        ("current_mA", 1e-3),
+        ("current [mA]", 1e-3),
+        ("torque_ma", 1.0),  # a moving average
+        ("torque [µNm]", 1e-6),
     ],
 )
-def test_units_of_a_torque(column, unit, factor, tmp_path):
+def test_units_of_a_torque(column, factor, tmp_path):
     log = written(tmp_path, table(f"time,{column},angle"))
-    given = {"unit": {"torque": unit}} if unit else {}
-    mapping = checked(LogMap, {"torque": column.partition(" ")[0]} | given, "")
+    mapping = checked(LogMap, {"torque": column.partition(" ")[0]}, "")
     np.testing.assert_allclose(pick(log, mapping).signals["torque"], TORQUE * factor, atol=1e-12)
 
 
@@ -202,26 +199,15 @@ def test_a_column_of_texts_is_no_signal_but_does_no_harm(tmp_path):
         pick(log, checked(LogMap, {"angle": "angel"}, ""))
 
 
-def test_one_of_several_axes_and_some_of_its_rows(tmp_path):
-    k, rng = np.arange(1000), np.random.default_rng(0)
-    columns = {"t": k * 1e-3} | {f"{n}_{i}": rng.standard_normal(1000) for n in "uv" for i in "12"}
-    rows = zip(*columns.values(), strict=True)
-    lines = [",".join(columns), *(",".join(f"{v:.9g}" for v in row) for row in rows)]
-    (tmp_path / "log.csv").write_text("\n".join(lines))
-    words = ["--time", "t", "--torque", "u_2", "--speed", "v_2", "--rows"]
-    assert main(["import", str(tmp_path / "log.csv"), *words, "100:900"]) == 0
-    record = load_record(tmp_path / "log-imported.nc")
-    assert len(record.time) == 800
-    np.testing.assert_allclose(record.speed, columns["v_2"][100:900], rtol=1e-6)
-    assert main(["import", str(tmp_path / "log.csv"), *words, "9:3"]) == 2
-
-
-def test_what_was_stated_is_kept_with_the_record(tmp_path):
+def test_some_rows_of_a_log_and_what_was_stated(tmp_path):
     written(tmp_path, table())
-    told = import_log(tmp_path / "log.csv", torque_is="smooth").record.versions
-    assert told["torque"] == "smooth" and told["torque_because"].startswith("as stated")
-    guessed = import_log(tmp_path / "log.csv").record.versions
-    assert guessed["torque"] == "held" and not guessed["torque_because"].startswith("as stated")
+    record = import_log(tmp_path / "log.csv", torque_is="smooth", rows="100:350").record
+    np.testing.assert_allclose(record.angle, ANGLE[100:350], atol=1e-8)
+    assert (
+        record.versions["torque"] == "smooth" and record.versions["torque_because"] == "as stated"
+    )
+    with pytest.raises(LogError, match="time has 0 samples"):
+        import_log(tmp_path / "log.csv", rows="9:3")
 
 
 def test_a_key_that_a_map_cannot_have_is_told_of_the_map(tmp_path, capsys):
