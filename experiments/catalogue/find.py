@@ -42,7 +42,7 @@ GROUPS = {
     "chains": "axes with a different number of masses",
     "ground": "conditions under which good estimators have failed",
 }
-"""Descriptions of the groups of the catalogue, in the order in which the groups are listed."""
+"""Descriptions of the groups in the catalogue. `flexaxis list` uses the same order."""
 
 FAULTS = {
     "worn or dry motor bearing, dragging brake": "f_m",
@@ -193,8 +193,8 @@ def find_suite(name: str) -> Suite:
 def _members(table: dict[str, Any]) -> list[str]:
     """Return the names of a suite's scenarios, given the table in the suite's file.
 
-    The table lists groups, excluded groups, or names. For a group, the result contains version -v2
-    of each scenario, or version -v1 if there is no -v2.
+    The table contains groups, groups to exclude, or the names of scenarios. For a group, the result
+    contains version -v2 of each scenario, or version -v1 if there is no -v2.
     """
     if "groups" not in table and table["scenarios"] != "all":
         return list(table["scenarios"])
@@ -248,7 +248,7 @@ def scenarios(*, group: str = "", find: str = "") -> list[Line]:
     group : str
         Group to list (default: all groups).
     find : str
-        Text that the listed scenarios contain. Upper and lower case are equivalent.
+        Text that the listed scenarios contain. The search ignores case.
 
     Raises
     ------

@@ -12,7 +12,7 @@ MOST = 60  # largest number of lines that `list` prints without --all
 
 @command("kind", "--group", "--find", "--all")
 def list_(args: Args) -> int:
-    """List scenarios, suites and estimators, and the scenarios for each physical fault.
+    """List scenarios, suites, estimators, and the scenarios for each physical fault.
 
     example:
       flexaxis list

@@ -191,8 +191,8 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "simulate: -o FILE": "File for the record or log (default: SCENARIO-SEED.nc or .csv).",
     "estimate: -o FILE": "File for the estimates (default: RECORD-estimates.nc).",
     "import: -o REC.nc": "File for the record (default: LOG-imported.nc).",
-    "identify: -o AXIS.toml": "File for the identified axis or, for a folder of logs, for the "
-                               "estimates (default: LOG-axis.toml, or FOLDER-estimates.csv).",
+    "identify: -o AXIS.toml": "File for the identified axis, or for the estimates from a folder of "
+                               "logs (default: LOG-axis.toml, or FOLDER-estimates.csv).",
     "track: -o EST.nc": "File for the estimates (default: LOG-track.nc).",
     "paper: -o DIR": "Folder for figures and claims (default: results/paper).",
     **LOG_OPTIONS,

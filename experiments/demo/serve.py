@@ -137,7 +137,7 @@ def start(port: int | None = None) -> Any:
 
 @contextmanager
 def _own_pages_only() -> Iterator[None]:
-    """Make websocket servers that start in this context reject connections from other pages.
+    """Within this context, make new websocket servers reject connections from other pages.
 
     Without this check, any other page in the browser could connect to the demo, either directly or
     using a host name that resolves to this computer (DNS rebinding). viser provides no such check.

@@ -152,8 +152,8 @@ def load(path: str | Path) -> Any:
     Parameters
     ----------
     path : str or Path
-        File from `Recording.save` or ``flexaxis simulate``, or folder from ``flexaxis run``,
-        ``flexaxis study`` or `benchmark`.
+        Path of a file from `Recording.save` or ``flexaxis simulate``, or of a folder from
+        ``flexaxis run``, ``flexaxis study`` or `benchmark`.
 
     Returns
     -------

@@ -50,7 +50,7 @@ CONDITIONS: Mapping[str, Callable[[pd.Series], Any]] = {
     "regularisation-stops-the-burst": lambda burst: burst["μ = 0"] > 100 and burst["μ = 1"] < 20,
     "reset-can-be-too-large": lambda loss: loss.max() > 3,
 }
-"""Conditions for claims that limits of the values cannot express, keyed by the id."""
+"""Conditions that limits cannot express, keyed by the id of the claim."""
 
 
 def holds(name: str, measured: pd.Series) -> bool:

@@ -136,7 +136,7 @@ class Evidence:
         return predict(self.model, self.theta, torque, period=self.period)
 
     def steady(self, signal: Array) -> Array:
-        """Return the last two periods of a signal (N, …), in which all transients have decayed."""
+        """Return the last two periods of a signal (N, …), after all transients have decayed."""
         return signal[-2 * round(self.excitation.period / self.period) :]
 
     def gradient_power(self, torque: Array) -> Array:

@@ -85,8 +85,8 @@ FIGURES: Mapping[str, tuple[Any, str, str]] = {
     "fig4": (
         fig4,
         "Figure 4. Bode diagrams: the axis, the identified physical model, an ARX model",
-        "At frequencies at which the torque has no energy, the data do not determine the ARX "
-        "model. The physical model extrapolates to these frequencies because of its structure.",
+        "At frequencies without torque, the data do not determine the ARX model. The physical "
+        "model extrapolates to these frequencies because of its structure.",
     ),
     "fig5": (
         fig5,

@@ -44,7 +44,7 @@ MU = (0.1, 1.0, 10.0)
 WINDOW = 1000
 """Number of samples to evaluate after a fault or a standstill."""
 LAST = 2000
-"""Number of samples at the end of a run from which a standard deviation is computed."""
+"""Number of samples at the end of a run that are used to compute standard deviations."""
 
 
 def worst(ratios: ArrayLike) -> Array:

@@ -316,8 +316,7 @@ def lag_against_noise(rows: pd.DataFrame, **options: Any) -> Figure:
 def shares(runs: pd.DataFrame, **options: Any) -> Figure:
     """Draw the cumulative distribution of lag / bound for the runs of each estimator.
 
-    Runs that diverged, and runs in which the changed parameter is not estimated, count as runs with
-    an infinite lag.
+    Runs that diverged or do not estimate the changed parameter count as runs with an infinite lag.
 
     Parameters
     ----------

@@ -121,7 +121,7 @@ def look(estimator: str, looks: Mapping[str, Style]) -> dict[str, Any]:
 
 
 def symbols(text: str) -> str:
-    """Return a text in which symbols such as f_m are written in matplotlib's math notation.
+    """Convert symbols such as f_m in a text to matplotlib's math notation.
 
     Examples
     --------

@@ -19,11 +19,10 @@ from flexaxis.experiments.reporting.tables import Cell, Table, between, short
 NOTES = {REFERENCE: "the paper’s method", RECOMMENDED: "recommended", "frozen": "never moves"}
 LEGEND = (
     "★: fastest, or not significantly slower; below each lag: × bound, and 95 % interval",
-    "lag: mean |error| after the fault / size of the fault × 5 s (an estimator that never reacts "
-    "has 5 s)",
+    "lag: mean |error| after the fault / size of the fault × 5 s; an estimator that never reacts "
+    "has a lag of 5 s",
     "× bound: lag / Cramér–Rao bound of an estimator that knows when, but not what, changed",
-    f"≤, ≥: the lag is at most or at least this value, because no setting is as noisy as "
-    f"{REFERENCE}",
+    f"≤, ≥: upper or lower limit of the lag, because no setting is as noisy as {REFERENCE}",
 )
 
 
