@@ -245,7 +245,7 @@ def score(
         result.findings,
     )  # fmt: skip
     # In a single row, std is the rms error. Pooling subtracts the mean error, as for many runs.
-    lines = [row | pool_columns(columns_of([row]), ["std"]) for row in rows(track)]
+    lines = [row | pool_columns(columns_of(pd.json_normalize(row)), ["std"]) for row in rows(track)]
     return pd.DataFrame(lines).assign(estimator=result.estimator)[[*SCORES]]
 
 

@@ -28,9 +28,9 @@ from flexaxis.experiments.running.user_code import (
 )
 from flexaxis.experiments.scoring.parameter_names import known_names
 from flexaxis.experiments.scoring.recovered import tracking
-from flexaxis.experiments.scoring.score_table import columns, rows, undefined
+from flexaxis.experiments.scoring.score_table import rows, undefined
 from flexaxis.experiments.scoring.scores import Track, failed_track
-from flexaxis.experiments.scoring.summary import Case, scored
+from flexaxis.experiments.scoring.summary import NUMBERS, Case, scored
 from flexaxis.experiments.scoring.windows import claimed_at
 from flexaxis.sim.errors import SimulationError
 from flexaxis.sim.record import Record
@@ -39,11 +39,6 @@ from flexaxis.sim.tables.events import first_onset
 from flexaxis.sim.timing import sample_index
 
 Array = NDArray[np.float64]
-NUMBERS = (
-    "changed", *(name for name, kind in columns().items() if kind != "text"),
-    "onset", "cost.us_per_sample", "cost.seconds",
-)  # fmt: skip
-"""Numeric columns of a row, in the order in which they are stored."""
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any, Self
 import pandas as pd
 
 from flexaxis.experiments.files import StudyError, new_file
-from flexaxis.experiments.running.case import NUMBERS
 from flexaxis.experiments.running.store import Store
 from flexaxis.experiments.scoring import summary
 from flexaxis.experiments.scoring.pooling import Columns
@@ -148,7 +147,7 @@ class Results:
         points = self.frame.groupby(["hash", "setting"], sort=False).ngroup()
         for values, group in keys.groupby(names, sort=False, dropna=False):
             columns = {
-                key: _columns(self.frame.loc[part.index].assign(point=points))
+                key: summary.columns_of(self.frame.loc[part.index].assign(point=points))
                 for key, part in group.groupby(["parameter", "changed"], sort=False)
             }
             shared = self._excess(columns, group.index[0]) if "excess" in chosen else {}
@@ -210,7 +209,7 @@ class Results:
         points = table.groupby(axes, dropna=False).ngroup() if axes else 0
         table = table.assign(point=points)
         index = ["scenario", "estimator", "point", "seed", "parameter"]
-        cube = table.set_index(index)[[*NUMBERS]].astype(float).to_xarray()
+        cube = table.set_index(index)[[*summary.NUMBERS]].astype(float).to_xarray()
         values = table.groupby("point")[axes].first()
         return cube.assign_coords({axis: ("point", values[axis]) for axis in axes})
 
@@ -223,7 +222,3 @@ def _plain(value: Any) -> Any:
 def _value(value: Any) -> Any:
     """Convert a value from a group's key to a Python value, and a missing value to None."""
     return None if pd.isna(value) else getattr(value, "item", lambda: value)()
-
-
-def _columns(part: pd.DataFrame) -> Columns:
-    return {name: part[name].to_numpy(float) for name in ("seed", "point", *NUMBERS)}

@@ -24,14 +24,7 @@ from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.models.compiler import is_uncompiled
 from flexaxis.experiments.files import NotRun, StudyError
 from flexaxis.experiments.running.cache import RecordCache
-from flexaxis.experiments.running.case import (
-    NUMBERS,
-    Done,
-    Options,
-    Outcome,
-    run_unit,
-    simulate_units,
-)
+from flexaxis.experiments.running.case import Done, Options, Outcome, run_unit, simulate_units
 from flexaxis.experiments.running.estimators import Misfit, Spec, build, parse
 from flexaxis.experiments.running.progress import progress
 from flexaxis.experiments.running.results import Results
@@ -43,6 +36,7 @@ from flexaxis.experiments.running.user_code import (
     ended_after,
     why_it_ended,
 )
+from flexaxis.experiments.scoring.summary import NUMBERS
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.scenario import Scenario
 

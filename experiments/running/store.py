@@ -28,8 +28,8 @@ from flexaxis.experiments.files import (
     make_folder,
 )
 from flexaxis.experiments.running.cache import digest_of
-from flexaxis.experiments.running.case import NUMBERS, Done, unpack
-from flexaxis.experiments.scoring.summary import Case
+from flexaxis.experiments.running.case import Done, unpack
+from flexaxis.experiments.scoring.summary import NUMBERS, Case
 from flexaxis.sim.simulate import versions
 
 ROWS, CSV = "scores.sqlite", "scores.csv"

@@ -6,8 +6,8 @@ gradient ψ at the true parameters, and assume white output noise with variance 
 read an encoder angle or its increments, the output noise is the noise of the angle.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -31,6 +31,17 @@ from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.tables.faults import Step
 
 Array = NDArray[np.float64]
+
+LIMITS = {
+    "lag_null": "Lag of an estimator that never moves.",
+    "lag_bound": "Lag at the Cramér–Rao bound, for an estimator that knows the time of the jump "
+    "and the state at the jump, but neither the estimated parameters nor dry friction afterwards.",
+    "lag_bound_single": "Lag at the Cramér–Rao bound, for an estimator that also knows which "
+    "parameter changed and the values of all other parameters.",
+    "lag_bound_learnt": "Lag at the Cramér–Rao bound, for an estimator that must also learn some "
+    "parameters from the data before the fault, because it does not know their exact values.",
+}
+"""Descriptions of the theoretical limits [s]."""
 
 
 def cramer_rao(
@@ -78,8 +89,7 @@ def lag_bound(deviation: ArrayLike, size: float, *, period: float) -> float:
     return period * float(np.minimum(1.0, relative).sum())
 
 
-@dataclass(frozen=True)
-class JumpBound:
+class JumpBound(NamedTuple):
     """
     Lower bounds on the standard deviation of θ̂ at the n samples after an event.
 
@@ -133,7 +143,7 @@ def jump_bound(
     known[p:, p:] = np.linalg.inv(learnt[p:, p:])
     after, size = _gradient(scenario, every, truth[index], x, u[index:stop])
     C = cramer_rao(after * size, variance, size, known)
-    return replace(result, learnt=_deviation(C)[:, :p] * np.abs(size[:p]))
+    return result._replace(learnt=_deviation(C)[:, :p] * np.abs(size[:p]))
 
 
 def bound_from(
@@ -197,53 +207,39 @@ def noise_variance(scenario: Scenario) -> float:
     return scenario.noise.angle**2 + step**2 / 12
 
 
-@dataclass(frozen=True)
-class Limits:
-    """Theoretical limits of the lag of one parameter in one case; an undefined limit is None.
+Limits = Mapping[str, float | None]
+"""Limits of one parameter in one case, with the keys of `LIMITS`; an undefined limit is None."""
 
-    Attributes
-    ----------
-    lag_null : float or None
-        Lag of an estimator that never moves [s].
-    lag_bound : float or None
-        Lag at the Cramér–Rao bound if the time of the jump and the state are known, but the
-        estimated parameters after the jump are unknown [s].
-    lag_bound_single : float or None
-        Lag at the bound if all other parameters are known after the jump [s].
-    lag_bound_learnt : float or None
-        Lag at the bound if the estimator must also learn, before the fault, the parameters without
-        an exact known value [s].
+
+def limits(scenario: Scenario, names: Sequence[str], torque: Array) -> dict[str, Limits]:
     """
+    Return the theoretical limits of each parameter that has a bound.
 
-    lag_null: float | None = None
-    lag_bound: float | None = None
-    lag_bound_single: float | None = None
-    lag_bound_learnt: float | None = None
+    Parameters
+    ----------
+    scenario : Scenario
+        Scenario of the record.
+    names : sequence of str
+        Names of the estimated parameters.
+    torque : (N,) ndarray
+        Torque of the record [N m].
 
-
-def limits(scenario: Scenario, names: Sequence[str], torque: Array) -> list[Limits]:
-    """Return the limits of each estimated parameter; parameters without a bound have no limits."""
-    spans = bounded(scenario, names)
-    unknown = tracked(scenario, names)
-    per_parameter = []
-    for i, name in enumerate(names):
-        if name not in spans:
-            per_parameter.append(Limits())
-            continue
-        window = spans[name]
+    Returns
+    -------
+    dict of str to mapping
+        Limits [s] as in `LIMITS`, keyed by parameter.
+    """
+    unknown, result = tracked(scenario, names), dict[str, Limits]()
+    for name, window in bounded(scenario, names).items():
+        i = names.index(name)
         allowed = jump_bound(scenario, unknown, window.start, window.stop, torque)
-        lags = {
-            f"lag_bound{kind}": finite(lag_bound(x[:, i], window.D, period=scenario.period))
-            for kind, x in (
-                ("", allowed.unknown), ("_single", allowed.single), ("_learnt", allowed.learnt)
-            )
-        }  # fmt: skip
-        per_parameter.append(Limits(_lag_null(scenario, names, i, window), **lags))
-    return per_parameter
+        lags = [finite(lag_bound(x[:, i], window.D, period=scenario.period)) for x in allowed]
+        result[name] = dict(zip(LIMITS, [_lag_null(scenario, name, window), *lags], strict=True))
+    return result
 
 
-@remembered()
-def record_limits(scenario: Scenario, torque: bytes) -> list[Limits]:
+@remembered
+def record_limits(scenario: Scenario, torque: bytes) -> dict[str, Limits]:
     """Return the limits of the parameters in `identify`; all estimators share the cached result."""
     return limits(scenario, scenario.identify, np.frombuffer(torque).copy())
 
@@ -270,15 +266,15 @@ def bounded(scenario: Scenario, names: Sequence[str]) -> dict[str, Window]:
     return bounded_windows
 
 
-def _lag_null(scenario: Scenario, names: Sequence[str], i: int, window: Window) -> float | None:
-    start = started_theta(scenario, names)[i]
-    truth = theta_over_time(scenario, names)[window.start : window.stop, i]
+def _lag_null(scenario: Scenario, name: str, window: Window) -> float | None:
+    start = started_theta(scenario, [name])
+    truth = theta_over_time(scenario, [name])[window.start : window.stop]
     return finite(scenario.period * np.sum(np.abs(start - truth)) / window.D)
 
 
 def score(lag: float | None, limit: Limits) -> float | None:
     """Return the score 100 ln(lag_null/lag)/ln(lag_null/lag_bound), which is 0 for a constant θ̂."""
-    null, bound = limit.lag_null, limit.lag_bound
+    null, bound = limit.get("lag_null"), limit.get("lag_bound")
     if not lag or not null or not bound or bound >= null:
         return None
     if np.isclose(lag, null, rtol=1e-12, atol=0.0):  # equal up to rounding
@@ -295,18 +291,15 @@ def limits_of(track: Track, i: int) -> Limits:
     The function computes the limits for the parameters in the scenario's `identify`, even if an
     estimator estimates other parameters. Therefore the limits are the same for all estimators.
     """
-    asked = track.scenario.identify
-    if track.torque is None or track.names[i] not in asked:
-        return Limits()
+    if track.torque is None:
+        return {}
     torque = np.asarray(track.torque, float).tobytes()
-    all_limits = track.once("limits", lambda: record_limits(track.scenario, torque))
-    return all_limits[asked.index(track.names[i])]
+    return record_limits(track.scenario, torque).get(track.names[i], {})
 
 
 def limit_of(name: str, track: Track, i: int) -> float | None:
-    """Return one of the `Limits`, such as "lag_bound", of the estimated parameter i."""
-    limit: float | None = getattr(limits_of(track, i), name)
-    return limit
+    """Return one of the `LIMITS`, such as "lag_bound", of the estimated parameter i."""
+    return limits_of(track, i).get(name)
 
 
 def score_of(track: Track, i: int) -> float | None:

@@ -112,18 +112,14 @@ def nis_of(track: Track, i: int) -> float | None:
     """Return the mean of ε²/S over the samples before the fault, as for the score `std`."""
     del i
     innovations = _quiet(track)
-    return None if innovations is None else track.once("nis", lambda: nis(innovations))
+    return None if innovations is None else nis(innovations)
 
 
 def whiteness_of(track: Track, i: int) -> float | None:
     """Return the whiteness of the innovations before the fault, as for the score `std`."""
     del i
     innovations, lags = _quiet(track), round(MEMORY / track.scenario.period)
-    return (
-        None
-        if innovations is None
-        else track.once("whiteness", lambda: whiteness(innovations, lags))
-    )
+    return None if innovations is None else whiteness(innovations, lags)
 
 
 def _quiet(track: Track) -> Array | None:
@@ -142,4 +138,4 @@ def nees_of(track: Track, i: int) -> float | None:
     """Return θ̃ᵀ Σ⁻¹ θ̃ before the first fault, where Σ is the covariance from the estimator."""
     del i
     last = claimed_at(track.scenario)
-    return track.once("nees", lambda: nees(track.theta[last] - track.truth[last], track.claimed))
+    return nees(track.theta[last] - track.truth[last], track.claimed)

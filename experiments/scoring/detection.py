@@ -113,10 +113,10 @@ def isolation(
 def detection_of(track: Track, i: int) -> dict[str, Any] | None:
     """Return the detection scores, which are the same for all parameters of a case."""
     del i
-    return track.once("detection", lambda: detection(track.scenario, track.names, track.findings))
+    return detection(track.scenario, track.names, track.findings)
 
 
 def isolation_of(track: Track, i: int) -> list[dict[str, Any]] | None:
     """Return the parameters that the estimator names for each fault, which do not depend on i."""
     del i
-    return track.once("isolation", lambda: isolation(track.scenario, track.names, track.findings))
+    return isolation(track.scenario, track.names, track.findings)

@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 STEADY = 20.0  # time at the end of the nominal run over which ψψᵀ is averaged [s]
 
 
-@remembered()
+@remembered
 def information(scenario: Scenario) -> Array | None:
     """Return the matrix M (p, p) of the excess error θ̃ᵀMθ̃, for θ̃ in % of nominal.
 
@@ -48,12 +48,8 @@ def information(scenario: Scenario) -> Array | None:
 def excess_of(track: Track, i: int) -> float | None:
     """Return the mean excess error θ̃ᵀMθ̃ before the fault, which is the same for all parameters."""
     del i
-    return track.once("excess", lambda: _excess(track) if track.quiet.size else None)
-
-
-def _excess(track: Track) -> float | None:
     M = information(track.scenario)
-    if M is None:
+    if M is None or not track.quiet.size:
         return None
     asked = track.scenario.identify
     columns = track.scenario.parameter_names

@@ -6,6 +6,7 @@ The nominal axis has no faults and no noise.
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -39,7 +40,7 @@ def nominal_runs(torque: Torque) -> Iterator[None]:
         _RUN.reset(before)
 
 
-@remembered()
+@remembered
 def nominal_torque(scenario: Scenario) -> Array:
     """Return the torque (8000,) [N m] during 40 s of reference motion, with nominal parameters."""
     nominal = scenario.override(
@@ -59,7 +60,7 @@ def nominal_torque(scenario: Scenario) -> Array:
     return _torque(nominal)
 
 
-@remembered()
+@remembered
 def design_torque(scenario: Scenario) -> Array:
     """
     Return the torque (8000,) [N m] during 40 s of reference motion, with design values.
@@ -81,7 +82,7 @@ def design_torque(scenario: Scenario) -> Array:
     )
 
 
-@remembered("record_hash")
+@partial(remembered, by="record_hash")
 def _torque(scenario: Scenario) -> Array:
     # Many scenarios and estimators of a run share this torque.
     torque = _RUN.get()(scenario)

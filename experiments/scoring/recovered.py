@@ -93,7 +93,7 @@ def tracking(scenario: Scenario, seed: int, estimator: Any) -> Mapping[str, floa
     return {**_baselines(scenario, seed), "estimated": rms[0], "limited": float(limited[0])}
 
 
-@remembered()
+@remembered
 def _baselines(scenario: Scenario, seed: int) -> Mapping[str, float]:
     """Return the tracking errors that do not depend on the estimator."""
     drawn = scenario.drawn(seed)

@@ -64,6 +64,8 @@ class Score:
         Whether the score can be negative. For such a score, `compare` uses differences between
         absolute means, divided by the noise, instead of ratios. The command reports only an
         increase of the score.
+    shared : bool
+        Whether the score is the same for all parameters of a case. Such a score is computed once.
     """
 
     name: str
@@ -79,22 +81,13 @@ class Score:
     margin: float | None = None
     zero: float = 0.0
     guard: bool = False
+    shared: bool = False
 
     @property
     def compared(self) -> bool:
         """Whether `compare` can use the score (a guard, or a number for which less is better)."""
         return self.guard or (self.better == "less" and self.kind == "number")
 
-
-LIMITS = {
-    "lag_null": "Lag of an estimator that never moves.",
-    "lag_bound": "Lag at the Cramér–Rao bound, for an estimator that knows the time of the jump "
-    "and the state at the jump, but neither the estimated parameters nor dry friction afterwards.",
-    "lag_bound_single": "Lag at the Cramér–Rao bound, for an estimator that also knows which "
-    "parameter changed and the values of all other parameters.",
-    "lag_bound_learnt": "Lag at the Cramér–Rao bound, for an estimator that must also learn some "
-    "parameters from the data before the fault, because it does not know their exact values.",
-}
 
 SCORES: Mapping[str, Score] = {
     score.name: score
@@ -190,6 +183,7 @@ SCORES: Mapping[str, Score] = {
             pool=pooling.mean,
             heading="excess error",
             zero=1e-4,
+            shared=True,
         ),
         Score(
             "diverged",
@@ -238,7 +232,7 @@ SCORES: Mapping[str, Score] = {
         ),
         *(
             Score(name, partial(bounds.limit_of, name), words, unit="s", pool=pooling.mean)
-            for name, words in LIMITS.items()
+            for name, words in bounds.LIMITS.items()
         ),
         Score(
             "score",
@@ -259,6 +253,7 @@ SCORES: Mapping[str, Score] = {
             unit="",
             pool=pooling.mean,
             heading="NEES",
+            shared=True,
         ),
         Score(
             "nis",
@@ -268,6 +263,7 @@ SCORES: Mapping[str, Score] = {
             unit="",
             pool=pooling.mean,
             heading="NIS",
+            shared=True,
         ),
         Score(
             "whiteness",
@@ -278,6 +274,7 @@ SCORES: Mapping[str, Score] = {
             unit="",
             pool=pooling.mean,
             heading="whiteness",
+            shared=True,
         ),
         Score(
             "detection",
@@ -287,10 +284,11 @@ SCORES: Mapping[str, Score] = {
             "estimator names the right parameter.",
             pool=pooling.detections([*detection.ALARMS]),
             parts=detection.ALARMS,
+            shared=True,
         ),
         Score(
             "isolation", detection.isolation_of,
-            "Parameters that the estimator names for each fault.", kind="text"
+            "Parameters that the estimator names for each fault.", kind="text", shared=True
         ),
         Score(
             "recovered",
@@ -330,9 +328,13 @@ MARGINS = {score.name: score.margin for score in SCORES.values() if score.margin
 
 def rows(track: Track) -> list[dict[str, Any]]:
     """Return the scores of a case as a list of rows, one row per parameter."""
+    shared = {score.name: score.of(track, 0) for score in SCORES.values() if score.shared}
     return [
         {"parameter": name, "changed": bool(track.windows_of(i))}
-        | {score.name: score.of(track, i) for score in SCORES.values()}
+        | {
+            name: shared[name] if name in shared else score.of(track, i)
+            for name, score in SCORES.items()
+        }
         for i, name in enumerate(track.names)
     ]
 

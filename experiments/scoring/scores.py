@@ -5,8 +5,8 @@ are divided by the size of the fault, D = |θ_after − θ_before|. The page doc
 scores.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -95,8 +95,6 @@ class Track:
         estimates.
     tracking : mapping, optional
         Tracking errors of a controller that uses the estimates, from `scoring.recovered.tracking`.
-    memo : dict
-        Cache of intermediate results that several scores share.
     """
 
     scenario: Scenario
@@ -109,7 +107,6 @@ class Track:
     findings: Sequence[Any] | None = None
     failed: bool = False
     tracking: Mapping[str, float] | None = None
-    memo: dict[str, Any] = field(default_factory=dict, repr=False)
 
     @cached_property
     def truth(self) -> Array:
@@ -191,22 +188,13 @@ class Track:
         last = max((window.stop for window in self.windows_of(i)), default=0)
         return self.lost is not None and self.lost < last
 
-    def once(self, name: str, made: Callable[[], Any]) -> Any:
-        """Return an intermediate result by name; compute the result on first use and cache it."""
-        if name not in self.memo:
-            self.memo[name] = made()
-        return self.memo[name]
-
     def windows_of(self, i: int) -> list[Window]:
         """Return the windows after changes of the estimated parameter i."""
         return [w for w in self.windows if w.parameter == physical(self.names[i])[0]]
 
     def relative(self, i: int) -> list[Array]:
         """Return the relative error θ̃/D in each window of the estimated parameter i."""
-        return self.once(
-            f"relative {i}",
-            lambda: [self.error[w.start : w.stop, i] / w.D for w in self.windows_of(i)],
-        )
+        return [self.error[w.start : w.stop, i] / w.D for w in self.windows_of(i)]
 
     def ends(self, i: int) -> Array:
         """Return θ̃ [%] in the last 2 s of all windows of parameter i that are longer than 2 s."""

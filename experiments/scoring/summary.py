@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -19,14 +19,15 @@ from flexaxis.sim.scenario import Scenario
 
 Array = NDArray[np.float64]
 
-IDENTITY = ("scenario", "hash", "estimator", "parameter", "changed")
 POOLED = tuple(score.name for score in SCORES.values() if score.pool is not None)
 NUMBERS = (
     "changed",
     *(name for name, kind in kinds().items() if kind != "text"),
     "cost.us_per_sample",
+    "cost.seconds",
+    "onset",
 )
-"""Columns that the pooling functions may use."""
+"""Numeric columns of a row, in the order in which they are stored."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,15 +86,12 @@ def scored(
         )
 
 
-Rows: TypeAlias = "Iterable[Mapping[str, Any]] | pd.DataFrame"
-
-
-def pool_rows(rows: Rows, scenario: Scenario) -> list[dict[str, Any]]:
+def pool_rows(rows: pd.DataFrame, scenario: Scenario) -> list[dict[str, Any]]:
     """Return the pooled rows of one estimator on one scenario, one for each parameter.
 
     Parameters
     ----------
-    rows : iterable of mapping, or DataFrame
+    rows : DataFrame
         One row per run and parameter.
     scenario : Scenario
         Scenario of the runs.
@@ -102,44 +100,28 @@ def pool_rows(rows: Rows, scenario: Scenario) -> list[dict[str, Any]]:
     -------
     list of dict
         Rows of scores that are pooled as in `scoring.score_table.SCORES`. Each row also contains
-        the number of `seeds` and the median `cost`.
+        ``scenario, parameter, changed`` and ``seeds``, the number of seeds.
     """
-    by_name = dict(tuple(_flat(rows).groupby("parameter", sort=False)))
-    columns = {name: columns_of(own) for name, own in by_name.items()}
+    columns = {name: columns_of(own) for name, own in rows.groupby("parameter", sort=False)}
     shared = excess(columns, scenario)
     return [
-        dict(own.iloc[0][[*IDENTITY]])
-        | {"seeds": len(own), "runs": len(own)}
-        | pool_columns(columns[name]) | shared | cost(columns[name])
-        for name, own in by_name.items()
+        {"scenario": scenario.name, "parameter": name, "changed": bool(own["changed"][0]),
+         "seeds": len(own["seed"])} | pool_columns(own) | shared
+        for name, own in columns.items()
     ]  # fmt: skip
 
 
-def _flat(rows: Rows) -> pd.DataFrame:
-    """Return rows as a table sorted by seed; nested mappings become columns such as ``a.b``."""
-    frame = rows if isinstance(rows, pd.DataFrame) else pd.json_normalize(list(rows))
-    return frame.sort_values("seed", kind="stable") if "seed" in frame else frame
-
-
-def columns_of(rows: Rows) -> dict[str, Array]:
-    """Return the numbers in some rows as columns, in which None becomes NaN.
-
-    Columns of nested mappings have names such as ``a.b``.
+def columns_of(rows: pd.DataFrame) -> dict[Any, Array]:
+    """Return the numbers in the rows of one parameter as columns, in which None becomes NaN.
 
     Parameters
     ----------
-    rows : iterable of mapping, or DataFrame
-        Rows of one parameter.
+    rows : DataFrame
+        One row per run, and optionally the ``point`` to which each run belongs. A missing column
+        becomes NaN, so runs without a ``point`` belong to the same point.
     """
-    frame = rows if isinstance(rows, pd.DataFrame) else pd.json_normalize(list(rows))
-    names = frame.reindex(columns=["hash", "estimator"], fill_value="").astype(str)
-    points = names.agg(" ".join, axis=1)
-    numbers = {name: frame.get(name, np.nan) for name in NUMBERS}
-    return {
-        "seed": np.asarray(frame.get("seed", range(len(frame))), float),
-        "point": points.factorize(sort=True)[0].astype(float),
-        **{name: np.broadcast_to(np.asarray(x, float), len(frame)) for name, x in numbers.items()},
-    }
+    numbers = rows.reindex(columns=["seed", "point", *NUMBERS]).astype(float)
+    return {name: values.to_numpy() for name, values in numbers.items()}
 
 
 def pool_columns(columns: pooling.Columns, names: Iterable[str] | None = None) -> dict[str, Any]:
@@ -170,7 +152,7 @@ def cost(columns: pooling.Columns) -> dict[str, Any]:
     return {"cost": {"us_per_sample": us}}
 
 
-def excess(by_name: Mapping[str, pooling.Columns], scenario: Scenario) -> dict[str, Any]:
+def excess(by_name: Mapping[Any, pooling.Columns], scenario: Scenario) -> dict[str, Any]:
     """Return the pooled excess error and its interval, which are the same for all parameters.
 
     Parameters

@@ -1,9 +1,9 @@
 """Select the samples for scores: the quiet time before a fault and the window after the fault."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-from functools import lru_cache, wraps
-from typing import Any, Concatenate, ParamSpec, TypeVar
+from dataclasses import dataclass
+from functools import wraps
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,35 +13,24 @@ from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.tables.events import Event
 from flexaxis.sim.timing import sample_index
 
-P = ParamSpec("P")
-T = TypeVar("T")
-OfScenario = Callable[Concatenate[Scenario, P], T]
+Function = TypeVar("Function", bound=Callable[..., Any])
+KEPT = 256  # number of results that a cached function keeps
 
 
-@dataclass(frozen=True)
-class Known:
-    """An argument of a cached function; arguments with the same digest are equal."""
+def remembered(function: Function, by: str = "hash") -> Function:
+    """Return a function of a scenario that caches its results by the hash or another digest."""
+    results: dict[Any, Any] = {}
 
-    digest: str
-    content: Any = field(compare=False)
+    @wraps(function)
+    def cached(scenario: Scenario, *more: Any) -> Any:
+        key = getattr(scenario, by), *more
+        if key not in results:
+            results[key] = function(scenario, *more)
+        if len(results) > KEPT:
+            del results[next(iter(results))]
+        return results[key]
 
-
-def remembered(by: str = "hash") -> Callable[[OfScenario[P, T]], OfScenario[P, T]]:
-    """Return a decorator that caches a function of a scenario by its hash or another digest."""
-
-    def of(function: OfScenario[P, T]) -> OfScenario[P, T]:
-        @lru_cache(maxsize=256)
-        def kept(known: Known, *more: P.args, **named: P.kwargs) -> T:
-            return function(known.content, *more, **named)
-
-        @wraps(function)
-        def cached(scenario: Scenario, *more: P.args, **named: P.kwargs) -> T:
-            return kept(Known(getattr(scenario, by), scenario), *more, **named)  # type: ignore[arg-type]
-
-        cached.cache_clear = kept.cache_clear  # type: ignore[attr-defined]
-        return cached
-
-    return of
+    return cached  # type: ignore[return-value]
 
 
 WINDOW = 5.0  # time after a fault that is scored, unless another event occurs earlier [s]
@@ -74,7 +63,7 @@ def windows(scenario: Scenario, names: Sequence[str]) -> list[Window]:
     return list(_windows(scenario, tuple(names)))
 
 
-@remembered()
+@remembered
 def _windows(scenario: Scenario, names: tuple[str, ...]) -> list[Window]:
     starts = [(_clock(scenario, event), event) for event in scenario.events()]
     spans = []
@@ -113,7 +102,7 @@ def claimed_at(scenario: Scenario) -> int:
     return (whole or scenario.samples) - 1
 
 
-@remembered()
+@remembered
 def quiet(scenario: Scenario) -> NDArray[np.intp]:
     """Return the indices of the samples for the scores std and bias.
 

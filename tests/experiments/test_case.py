@@ -9,8 +9,9 @@ import pytest
 from engine_cases import short, small_study, user_file
 
 from flexaxis.experiments.running.cache import RecordCache
-from flexaxis.experiments.running.case import NUMBERS, Options, run_unit
+from flexaxis.experiments.running.case import Options, run_unit
 from flexaxis.experiments.running.study import Study, units
+from flexaxis.experiments.scoring.summary import NUMBERS
 from flexaxis.sim.simulate import simulate
 
 

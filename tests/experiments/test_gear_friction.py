@@ -60,7 +60,8 @@ def test_every_drive_with_a_fault_has_a_bound_that_is_that_of_its_model():
     scenario = find_scenario("erob80_50_fm_step-v1")
     (record,) = simulate(scenario, [0])
     without = scenario.override({"gear_friction.external_slow": 0.0})
-    found, other = (bounds.limits(s, s.identify, record.torque)[2] for s in (scenario, without))
-    assert 0.005 < found.lag_bound_single < found.lag_bound < 0.1  # .008 and .047 for this seed
-    assert found.lag_bound < found.lag_bound_learnt
-    assert abs(other.lag_bound / found.lag_bound - 1) > 0.02
+    found, other = (bounds.limits(s, s.identify, record.torque)["f_m"] for s in (scenario, without))
+    whole = found["lag_bound"]
+    assert 0.005 < found["lag_bound_single"] < whole < 0.1  # .008 and .047 for this seed
+    assert whole < found["lag_bound_learnt"]
+    assert abs(other["lag_bound"] / whole - 1) > 0.02

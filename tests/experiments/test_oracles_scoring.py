@@ -56,14 +56,14 @@ def test_the_bound_after_a_jump_by_matrix_exponential_and_differences(jump):
 
 def test_the_lag_on_the_bound_is_that_of_the_mean_modulus_of_a_normal_error(jump):
     u, by_hand = jump
-    limit = limits(find_scenario("fm_step-v1"), NAMES, u)[2]
+    limit = limits(find_scenario("fm_step-v1"), NAMES, u)["f_m"]
     size = 0.5 * 0.05
     modulus = halfnorm(scale=by_hand[:, 2] / size).mean()
-    assert limit.lag_bound == pytest.approx(T * np.minimum(1, modulus).sum(), rel=1e-6)
+    assert limit["lag_bound"] == pytest.approx(T * np.minimum(1, modulus).sum(), rel=1e-6)
 
 
 @pytest.mark.parametrize(("start", "seconds"), [(1.0, 5.0), (1.2, 3.0), (1.5, 0.0)])
 def test_doing_nothing_is_staying_at_what_one_was_told(jump, start, seconds):
     """Told 1.2 of what becomes 1.5: 0.3 off for 5 s, by a fault of 0.5."""
     scenario = find_scenario("fm_step-v1").override({"start": start})
-    assert limits(scenario, NAMES, jump[0])[2].lag_null == pytest.approx(seconds, abs=1e-9)
+    assert limits(scenario, NAMES, jump[0])["f_m"]["lag_null"] == pytest.approx(seconds, abs=1e-9)

@@ -1,6 +1,7 @@
 """Pooling over seeds: what is averaged how, and that losing a run never pays."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from flexaxis.experiments.catalogue.find import find_scenario
@@ -17,9 +18,6 @@ NAMES = ("k_T", "1/J_a", "f_m")
 
 def case(scenario, seed, **scores):
     row = undefined() | {
-        "hash": scenario.hash,
-        "scenario": scenario.name,
-        "estimator": "e",
         "seed": seed,
         "parameter": "f_m",
         "changed": True,
@@ -30,13 +28,16 @@ def case(scenario, seed, **scores):
         "diverged": False,
         "lost_before": False,
         "never_settled": False,
-        "cost": {"us_per_sample": 1.0},
     }
     return [row | scores]
 
 
+def all_pooled(scenario, cases):
+    return pool_rows(pd.json_normalize([row for run in cases for row in run]), scenario)
+
+
 def pooled(scenario, cases):
-    (row,) = pool_rows([row for run in cases for row in run], scenario)
+    (row,) = all_pooled(scenario, cases)
     return row
 
 
@@ -95,13 +96,11 @@ def test_the_pooled_excess_leaves_the_common_bias_out_and_lost_runs_in():
     def of(factor):
         theta = truth * [1.0, 1.0, factor]
         track = Track(scenario, NAMES, theta, scenario.true_parameters(), record.torque)
-        identity = {"hash": scenario.hash, "scenario": scenario.name, "estimator": "e"}
-        cost = {"cost": {"us_per_sample": 1.0}}
-        return [identity | row | cost for row in rows(track)]
+        return rows(track)
 
-    alike = pool_rows([row for run in [of(1.02) for _ in range(6)] for row in run], scenario)
+    alike = all_pooled(scenario, [of(1.02) for _ in range(6)])
     assert alike[0]["excess"] == pytest.approx(0.0, abs=1e-12)
-    apart = pool_rows([row for run in [of(f) for f in (0.98, 1.02) * 3] for row in run], scenario)
+    apart = all_pooled(scenario, [of(f) for f in (0.98, 1.02) * 3])
     one = of(1.02)[0]["excess"]
     assert apart[0]["excess"] == pytest.approx(one, rel=1e-9) == apart[2]["excess"]
 
@@ -110,7 +109,7 @@ def test_a_row_has_all_scores_and_a_pooled_one_those_that_pool(short):
     (record,) = simulate(short, [0])
     found = run_case(short, record, parse("frozen"))
     assert list(found.rows[0])[4:-1] == ["parameter", "changed", *SCORES]
-    whole = pool_rows(found.rows, short)[2]
+    whole = all_pooled(short, [found.rows])[2]
     assert {s.name for s in SCORES.values() if s.pool} <= set(whole)
 
 

@@ -9,10 +9,11 @@ from engine_cases import small_study
 
 from flexaxis.experiments.files import NotRun, OutputError, StudyError
 from flexaxis.experiments.running import store as module
-from flexaxis.experiments.running.case import NUMBERS, Done, Options, run_unit
+from flexaxis.experiments.running.case import Done, Options, run_unit
 from flexaxis.experiments.running.results import Results
 from flexaxis.experiments.running.store import ROWS, Store
 from flexaxis.experiments.running.study import describe, units
+from flexaxis.experiments.scoring.summary import NUMBERS
 
 STUDY = small_study("frozen", "rpem-forgetting", seeds=3)
 
