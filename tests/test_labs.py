@@ -9,12 +9,6 @@ import pytest
 
 LABS = sorted((Path(__file__).parents[1] / "docs" / "labs").glob("lab*.py"))
 
-# that with dry friction takes as long as the others together; one more runs many loops
-LONG = ("lab7", "lab8")
-LABELLED = [
-    pytest.param(path.stem, marks=[pytest.mark.slow] * (path.stem in LONG)) for path in LABS
-]
-
 
 @pytest.fixture(autouse=True)
 def no_window(monkeypatch):
@@ -27,9 +21,9 @@ def no_window(monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("lab", LABELLED)
-def test_lab_checks_itself(lab, capsys):
-    runpy.run_path(str(next(path for path in LABS if path.stem == lab)))
+@pytest.mark.parametrize("path", LABS, ids=lambda path: path.stem)
+def test_lab_checks_itself(path, capsys):
+    runpy.run_path(str(path))
     assert re.search(r"^check: .*\d", capsys.readouterr().out, re.MULTILINE)
 
 
@@ -39,7 +33,6 @@ def test_there_are_eight_and_the_page_names_them():
     assert [path.name for path in LABS] == re.findall(r"\]\((lab\d\.py)\)", page)
 
 
-REST = ("lab2", "lab3", "lab4", "lab5", "lab6", "lab7", "lab8")
 MISTAKES = {  # a typical slip, and the lab that must find it
     "lab1": ("-r * k_g / J_m, 0", "-k_g / J_m, 0"),
     "lab2": ("record.torque[-4000:],", "record.torque[-3900:],"),
@@ -59,11 +52,10 @@ MISTAKES = {  # a typical slip, and the lab that must find it
 
 
 @pytest.mark.parametrize(
-    "lab", ["lab1", *(pytest.param(lab, marks=pytest.mark.slow) for lab in REST)]
+    "path", [LABS[0], *(pytest.param(path, marks=pytest.mark.slow) for path in LABS[1:])]
 )
-def test_a_mistake_is_found(lab, tmp_path):
-    path = next(path for path in LABS if path.stem == lab)
-    right, wrong = MISTAKES[lab]
+def test_a_mistake_is_found(path, tmp_path):
+    right, wrong = MISTAKES[path.stem]
     text = path.read_text(encoding="utf-8")
     assert right in text
     copy = tmp_path / path.name

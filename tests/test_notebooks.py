@@ -22,11 +22,6 @@ def build():
     return module
 
 
-@pytest.fixture(params=NAMES)
-def name(request):
-    return request.param
-
-
 def kept(name):
     import nbformat
 
@@ -47,6 +42,7 @@ def test_there_are_four_and_the_page_names_them(build):
     assert sorted(re.findall(r"\((\w+)\.ipynb\)", page)) == NAMES
 
 
+@pytest.mark.parametrize("name", NAMES)
 def test_it_stands_as_its_source_says(build, name):
     """Else somebody changed the one and not the other: make notebooks."""
     told = build.source(FOLDER / f"{name}.py")

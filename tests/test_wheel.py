@@ -33,6 +33,9 @@ print(*fx.estimators())
 """
 
 
+WORDS = ["--estimator", "frozen", "--seeds", "1", "--jobs", "1", "-o", "out"]
+
+
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory):
     out = tmp_path_factory.mktemp("wheel")
@@ -99,11 +102,6 @@ def test_the_front_door_is_in_the_wheel(wheel, tmp_path):
 def test_runs_beside_a_users_own_experiments_folder(wheel, tmp_path):
     (tmp_path / "experiments").mkdir()
     (tmp_path / "experiments" / "__init__.py").write_text("raise RuntimeError('the wrong one')\n")
-    short = (ROOT / "experiments/catalogue/scenarios/fm_step-v1.toml").read_text()
-    short = (
-        short.replace("fm_step-v1", "short").replace("20.0", "8.0").replace("at = 10.0", "at = 6")
-    )
-    (tmp_path / "short.toml").write_text(short.replace("at = 6", "at = 6.0"))
-    ran = flexaxis(wheel, tmp_path, "run", "short.toml", "--seeds", "1", "--jobs", "1", "-o", "out")
+    ran = flexaxis(wheel, tmp_path, "run", "fm_step", *WORDS)
     assert ran.returncode == 0, ran.stderr
     assert (tmp_path / "out" / "report.html").stat().st_size > 10_000

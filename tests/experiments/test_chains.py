@@ -1,6 +1,5 @@
 """An axis of two masses from scenario to score; and one of which there is no model."""
 
-import mujoco
 import numpy as np
 import pytest
 
@@ -9,34 +8,11 @@ from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.cli import main
 from flexaxis.models_mjcf import MODEL_NAMES
 from flexaxis.sim.parameters import preset
-from flexaxis.sim.plant.plant import Plant
-
-T = 0.005
+from tests.sim.motion import linearised
 
 
 def chain():
     return find_scenario("two_mass_fm_step-v1")
-
-
-def linearised(q, name):
-    """A and B of twists and speeds, from the accelerations of the plant in unit states."""
-    model = Plant([q], period=T, substeps=5, model=name)._batch.get_model(0)
-    data, n = mujoco.MjData(model), model.nv
-    mujoco.mj_forward(model, data)
-    lengths = np.zeros((model.ntendon, n))
-    mujoco.mju_sparse2dense(
-        lengths, data.ten_J.ravel(), model.ten_J_rownnz, model.ten_J_rowadr, model.ten_J_colind
-    )
-    angles = np.linalg.pinv(lengths)
-
-    def rate(x, u):
-        data.qpos[:], data.qvel[:], data.ctrl[:] = angles @ x[:-n], x[-n:], u
-        mujoco.mj_forward(model, data)
-        return np.array([*data.ten_velocity, *data.qacc])
-
-    unit = np.eye(2 * n - 1)
-    A = np.column_stack([rate(e, 0.0) for e in unit])
-    return A, rate(0.0 * unit[0], 1.0)
 
 
 @pytest.mark.parametrize("name", MODEL_NAMES)

@@ -64,11 +64,6 @@ class Claiming(Told):
     covariance = np.eye(1)
 
 
-class Silent(Told):
-    def run(self, u, y, valid=None):
-        return np.full((len(u), 1), self.f_m)
-
-
 def row_of(scenario, name):
     (row,) = nested(runner_here().rows([scenario], [f"{Path(__file__)}:{name}"], [0]))
     return row
@@ -83,8 +78,3 @@ def test_they_are_taken_before_the_fault_of_all_the_run(short, name):
     n = 1000
     expected = (n + 2) / n * np.mean(n - np.arange(1, LAGS + 1))
     assert row["whiteness"] == pytest.approx(expected, rel=1e-9)
-
-
-def test_who_shows_none_is_not_judged(short):
-    row = row_of(short, "Silent")
-    assert row["nis"] is None and row["whiteness"] is None

@@ -94,10 +94,6 @@ def test_who_is_not_told_has_no_entry_and_nobody_is_told_a_law():
     assert told["f_c"] == pytest.approx(0.12) and len(told) == 13
 
 
-# For friction it compiles a loop of its own, of ten seconds and more.
-OWN_LOOPS = {"glr"}
-
-
 def test_only_who_has_laws_is_asked_for_them():
     assert build(spec("Asks"), made(ASKED)).asked == LINEAR
     assert build(spec("Tracks"), made(ASKED)).asked == (*LINEAR, "f_c")

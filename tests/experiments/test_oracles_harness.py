@@ -30,23 +30,24 @@ class Silent(Counter):
     covariance = None
 
 
-def nees(scenario, name):
+def row_of(scenario, name):
     (row,) = nested(runner_here().rows([scenario], [f"{Path(__file__)}:{name}"], [0]))
-    return row["nees"]
+    return row
 
 
 def test_error_and_claim_are_those_before_the_fault(short):
     """At 6 s 1200 samples are taken: .05·1.2 over a variance of .0012; none of the fault yet."""
-    assert nees(short, "Counter") == pytest.approx((0.05 * 1.2) ** 2 / 1.2e-3, rel=1e-9)
+    assert row_of(short, "Counter")["nees"] == pytest.approx((0.05 * 1.2) ** 2 / 1.2e-3, rel=1e-9)
 
 
 def test_without_a_fault_they_are_those_at_the_end(short):
     quiet = short.override({"fault": []})
-    assert nees(quiet, "Counter") == pytest.approx((0.05 * 1.6) ** 2 / 1.6e-3, rel=1e-9)
+    assert row_of(quiet, "Counter")["nees"] == pytest.approx((0.05 * 1.6) ** 2 / 1.6e-3, rel=1e-9)
 
 
 def test_who_claims_nothing_is_not_judged(short):
-    assert nees(short, "Silent") is None
+    row = row_of(short, "Silent")
+    assert row["nees"] is row["nis"] is row["whiteness"] is None
 
 
 def noises(scenario, seeds, *, repeat=0):

@@ -15,17 +15,14 @@ def values(lag, *, own=0.02, seed=1, common=0.5):
     return (np.log(lag) + common * RECORD + noise - noise.mean()).tolist()
 
 
-def match(estimator, lag, *, how="matched", scenario="s", score=None, false=None, **more):
+def match(estimator, lag, *, how="matched", scenario="s", score=None):
     return {
         "scenario": scenario, "parameter": "f_m", "estimator": estimator, "how": how,
-        "lag": lag, "lag_interval": [lag / 2, lag * 2], "bound": 0.1, "over_bound": lag / 0.1,
-        "std_after": 0.3, "false_alarms_per_1000_s": None if false is None else 50.0 * sum(false),
+        "lag": lag, "bound": 0.1,
         "values": {
             "lag": values(lag, seed=len(estimator)),
-            "std_after": values(0.3, own=0.1, seed=7),
             "score": None if score is None else (score + RECORD).tolist(),
-            "false_alarms": false,
-        } | more,
+        },
     }  # fmt: skip
 
 

@@ -7,17 +7,11 @@ import numpy as np
 import pytest
 
 from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.scoring.bounds import (
-    bounded,
-    jump_bound,
-    lag_bound,
-    limits,
-)
+from flexaxis.experiments.scoring.bounds import bounded
 from flexaxis.experiments.scoring.detection import detection
 from flexaxis.experiments.scoring.parameter_names import true_theta
 from flexaxis.experiments.scoring.score_table import rows
 from flexaxis.experiments.scoring.scores import Track
-from flexaxis.sim.simulate import simulate
 
 NAMES = ("k_T", "1/J_a", "f_m")
 
@@ -30,20 +24,6 @@ def score_rows(scenario, names, theta, truth):
 class Finding:
     alarm: int
     parameters: tuple[str, ...]
-
-
-@pytest.fixture(scope="module")
-def torque():
-    return simulate(find_scenario("fm_step-v1"), [0])[0].torque
-
-
-def test_limits_of_a_step(torque):
-    (f_m,) = limits(find_scenario("fm_step-v1"), NAMES, torque).values()
-    assert f_m["lag_null"] == pytest.approx(5.0)
-    both = jump_bound(find_scenario("fm_step-v1"), NAMES, 2000, 3000, torque)
-    deviation = both.unknown[:, 2]
-    assert f_m["lag_bound_single"] < f_m["lag_bound"]
-    assert f_m["lag_bound"] == pytest.approx(lag_bound(deviation, 0.025, period=0.005))
 
 
 @pytest.mark.parametrize(
@@ -59,11 +39,12 @@ def test_limits_of_a_step(torque):
         "warming_fm_step-v1",
     ],
 )
-def test_no_bound_where_it_is_not_defined(name, torque):
-    assert not limits(find_scenario(name), NAMES, np.resize(torque, 10000))
+def test_no_bound_where_it_is_not_defined(name):
+    assert not bounded(find_scenario(name), NAMES)
 
 
 def test_which_parameters_have_a_bound():
+    assert list(bounded(find_scenario("fm_step-v1"), NAMES)) == ["f_m"]
     assert list(bounded(find_scenario("three_faults-v1"), NAMES)) == ["k_T", "1/J_a", "f_m"]
     estimated = find_scenario("kg_step-v1").override({"identify": [*NAMES, "k_g"]})
     assert list(bounded(estimated, (*NAMES, "k_g"))) == ["k_g"]

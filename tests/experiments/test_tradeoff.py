@@ -53,19 +53,6 @@ def test_knobs():
         with_knob("mine.py:Mine", 1.0)
 
 
-def test_an_own_estimator_says_which_option_is_its_knob(tmp_path):
-    path = tmp_path / "own.py"
-    path.write_text(
-        "class Mine:\n    knob = 'gain'\n"
-        "    def __init__(self, nominal, period, *, gain=0.2): pass\n"
-        "class Wrong(Mine):\n    knob = 'gian'\n",
-        encoding="utf-8",
-    )
-    assert with_knob(f"{path}:Mine", 2.0) == f"{path}:Mine[gain=0.4]"
-    with pytest.raises(EstimatorError, match=r"'gian' is no option.*did you mean 'gain'"):
-        with_knob(f"{path}:Wrong", 2.0)
-
-
 def test_matching_is_straight_in_the_logarithms():
     found = match(setting(1.0), line([0.25, 0.5, 2.0, 4.0]), "std")
     assert found.how == "matched" and texts_of(found) == ["e[0.5]", "e[2.0]"]

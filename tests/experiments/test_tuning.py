@@ -73,6 +73,8 @@ class Mine:
         assert 0 < lam < 1, f"asked for {lam}"
 class Window(Mine):
     knob = "1/low"
+class Wrong(Mine):
+    knob = "lwo"
 """
 
 
@@ -93,6 +95,8 @@ def test_a_forgetting_factor_by_any_name_stays_below_one(own, factor):
 def test_an_option_is_turned_as_its_class_says(own):
     assert parse(with_knob(own("Mine"), 2.0)).options == {"lam": 0.98}
     assert parse(with_knob(own("Window"), 2.0)).options == {"low": 0.05}
+    with pytest.raises(ValueError, match=r"'lwo' is no option.*did you mean 'low'"):
+        with_knob(own("Wrong"), 2.0)
 
 
 def test_what_is_found_is_saved_in_the_place_of_what_was(tmp_path, monkeypatch, capsys):

@@ -1,5 +1,6 @@
 """The axis in motion without MuJoCo, by an adaptive method, and the plant beside it."""
 
+import mujoco
 import numpy as np
 from scipy.integrate import solve_ivp
 
@@ -53,6 +54,27 @@ def stepped(q, u, *features, substeps=None, law=None, fault=None):
         plant.step(np.array([value]))
         speed.append(plant.speed_m[0])
     return np.array(speed)
+
+
+def linearised(q, name="three_mass"):
+    """A and B of twists and speeds, from the accelerations of the plant in unit states."""
+    model = Plant([q], period=T, substeps=5, model=name)._batch.get_model(0)
+    data, n = mujoco.MjData(model), model.nv
+    mujoco.mj_forward(model, data)
+    lengths = np.zeros((model.ntendon, n))
+    mujoco.mju_sparse2dense(
+        lengths, data.ten_J.ravel(), model.ten_J_rownnz, model.ten_J_rowadr, model.ten_J_colind
+    )
+    angles = np.linalg.pinv(lengths)
+
+    def rate(x, u):
+        data.qpos[:], data.qvel[:], data.ctrl[:] = angles @ x[:-n], x[-n:], u
+        mujoco.mj_forward(model, data)
+        return np.array([*data.ten_velocity, *data.qacc])
+
+    unit = np.eye(2 * n - 1)
+    A = np.column_stack([rate(e, 0.0) for e in unit])
+    return A, rate(0.0 * unit[0], 1.0)
 
 
 def distance(ours, reference):

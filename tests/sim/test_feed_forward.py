@@ -47,10 +47,10 @@ def loop(follower):
     return closed_loop([SCENARIO], reference()[:, None], lambda _: noise, followers=[follower])
 
 
-def commands(truth, estimates, *, sign=1.0, gain=1.0, late=0):
+def commands(truth, estimates):
     """What the formula asks for, written out by hand, of the motion that there was."""
     r, controller = reference(), Controller(SCENARIO.controller, 1, period=0.005)
-    known = np.vstack([NOMINAL] * (1 + late) + [estimates])  # before the first estimate: nominal
+    known = np.vstack([NOMINAL, estimates])  # before the first estimate: nominal
     found = []
     for k in range(SCENARIO.samples - 1):
         k_T, inverse, f_m, f_c = known[k]
@@ -59,7 +59,7 @@ def commands(truth, estimates, *, sign=1.0, gain=1.0, late=0):
         J = N1.J_m + N1.r**2 * (N1.J_g + 1 / inverse)
         more = J * a + f_m * v + f_c * np.tanh(v / 0.2)
         asked = controller.torque(r[k : k + 1], truth.angles[k, :, 0])
-        found.append((asked + sign * gain * more) / k_T)
+        found.append((asked + more) / k_T)
     return np.array(found)
 
 

@@ -1,6 +1,5 @@
 """The MuJoCo plant against equations (3) and (4), and against itself in batches."""
 
-import mujoco
 import numpy as np
 import pytest
 
@@ -10,31 +9,13 @@ from flexaxis.sim.plant.plant import Plant
 from flexaxis.sim.timing import PERIOD
 
 from .conftest import state_space
+from .motion import linearised
 
 N1 = preset("n1")
 
 
 def plant_of(parameters):
     return Plant(parameters, period=PERIOD, substeps=5)
-
-
-def linearised(model):
-    """A (5, 5) and B (5,) of a model, from its accelerations in unit states."""
-    data = mujoco.MjData(model)
-    r = model.wrap_prm[0]
-
-    def rate(x, u):
-        arm, gear = 0.0, x[1]
-        data.qpos[:] = [(x[0] + gear) / r, gear, arm]
-        data.qvel[:] = x[2:]
-        data.ctrl[:] = u
-        mujoco.mj_forward(model, data)
-        lengths = [r * data.qvel[0] - data.qvel[1], data.qvel[1] - data.qvel[2]]
-        return np.array([*lengths, *data.qacc])
-
-    unit = np.eye(5)
-    A = np.column_stack([(rate(e, 0) - rate(-e, 0)) / 2 for e in unit])
-    return A, (rate(np.zeros(5), 1.0) - rate(np.zeros(5), -1.0)) / 2
 
 
 def random_parameters(count):
@@ -49,7 +30,7 @@ def random_parameters(count):
 )
 def test_linearisation_is_equations_3_and_4(theta):
     parameters = AxisParameters(**dict(zip(PARAMETER_NAMES, theta.tolist(), strict=True)))
-    A, B = linearised(plant_of([parameters])._batch.get_model(0))
+    A, B = linearised(parameters)
     A0, B0 = state_space(theta)
     # Row by row, for the entries of different rows differ by 1e8. Rounding alone gives 1e-15.
     scale = np.abs(A0).max(axis=1, keepdims=True)

@@ -124,8 +124,6 @@ def test_faults_on_one_parameter_multiply():
         (2000, 0.05, pytest.approx(0.075)),
         (3000, pytest.approx(0.075), pytest.approx(0.15)),
     ]
-    together = parse_scenario(double.replace("at = 15", "at = 10"))
-    assert [(e.index, e.after) for e in together.events()] == [(2000, pytest.approx(0.15))]
 
 
 def test_override_changes_value_name_and_hash_only():
@@ -158,9 +156,6 @@ def test_a_nuisance_moves_the_truth_and_is_no_event():
     # after three time constants e^-3 of the change is left, to within half a sample
     assert f_m[1000 + 2400] == pytest.approx(0.05 * (1 - 0.4 * (1 - np.exp(-3))), rel=1e-4)
     both = parse_scenario(STEP + THERMAL)
-    (event,) = both.events()
-    assert event.index == 2000
-    assert event.after / event.before == pytest.approx(1.5, rel=1e-14)  # the fault alone
     assert both.true_parameters()[2500, K("f_m")] == pytest.approx(1.5 * f_m[2500])
 
 

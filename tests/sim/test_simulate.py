@@ -44,14 +44,27 @@ def test_speed_is_the_exact_solution_across_a_fault_of(parameter, make):
         assert np.linalg.norm(error) < 3e-4 * np.linalg.norm(exact[part])
 
 
-@pytest.mark.parametrize("sensors", ["", "delay.measurement = 3\nencoder.counts = 2048\n"])
-def test_torque_is_the_textbook_loop_on_reference_and_angle(sensors, make):
+MEASURED = """feedback = "measured"
+noise.angle = 1e-4
+encoder.counts = 65536
+delay.measurement = 2
+controller.Kv = 0.1
+"""
+
+
+@pytest.mark.parametrize(
+    ("sensors", "read"),
+    [("", "true_angle_m"), ("delay.measurement = 3\nencoder.counts = 2048\n", "true_angle_m"),
+     (MEASURED, "angle")],
+)  # fmt: skip
+def test_torque_is_the_textbook_loop_on_reference_and_angle(sensors, read, make):
     """Pins the order of things in a sample: measure at t_k, then act on [t_k, t_{k+1})."""
     scenario = make(sensors + step("f_m"), duration=3.0)
     (record,) = simulate(scenario, [5])
     rng = stream(scenario.key, 5, "excitation")
     reference = scenario.excitation.reference(scenario.grid, rng)
-    expected = [*commanded(reference - record.true_angle_m, scenario.period)]
+    error, Kv = reference - getattr(record, read), scenario.controller.Kv
+    expected = [*commanded(error, scenario.period, Kv=Kv)]
     np.testing.assert_allclose(record.torque, expected, rtol=1e-9, atol=1e-12)
     assert record.true_speed[0] == record.true_angle_m[0] == 0
     assert record.true_speed[1] != 0  # u[0] is seen for the first time in y[1]
@@ -100,19 +113,6 @@ def test_measured_signals_are_truth_and_noise(make):
     increment = np.diff(record.angle) / scenario.period
     assert record.increment[0] == 0
     assert np.allclose(record.increment[1:], increment, rtol=1e-12)
-
-
-def test_measured_feedback_sees_exactly_the_recorded_angle(make):
-    scenario = make(
-        'feedback = "measured"\nnoise.angle = 1e-4\nencoder.counts = 65536\n'
-        "delay.measurement = 2\ncontroller.Kv = 0.1",
-        duration=2.0,
-    )
-    (record,) = simulate(scenario, [0])
-    rng = stream(scenario.key, 0, "excitation")
-    error = scenario.excitation.reference(scenario.grid, rng) - record.angle
-    expected = [*commanded(error, scenario.period, Kv=0.1)]
-    np.testing.assert_allclose(record.torque, expected, rtol=1e-9, atol=1e-10)
 
 
 def test_a_record_knows_where_it_is_from(make):
