@@ -14,7 +14,7 @@ from flexaxis.models_mjcf import DEFAULT, SHIPPED, model_digest
 from flexaxis.sim.timing import PERIOD
 
 PLANT, CONTENT = "plant", "content"
-"""Values of the key `streams`, which selects the part of a scenario that fixes random numbers.
+"""Values of the scenario key `streams`, which selects the key of the random numbers.
 
 With "plant", the random numbers depend only on the part of the scenario that affects the plant and
 the sensors. With "content", the random numbers depend on the whole content of the scenario.

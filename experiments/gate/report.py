@@ -106,7 +106,7 @@ def headline(c: Comparison, shown: Sequence[Row]) -> str:
 
 
 def _scaled(row: Row) -> tuple[Any, str]:
-    """Return the change and the ends of its interval (3,) in a unit for display, and the unit."""
+    """Return the change and its interval as an array (3,), scaled for display, and their unit."""
     numbers = np.array([row["change"], *row["interval"]], float)
     if row["scale"] is not None:
         return numbers, METRICS[row["metric"]]

@@ -30,8 +30,8 @@ LOST_WORSE = 0.75
 runs and no regained runs (p = 2⁻¹⁰) are enough for this verdict."""
 
 UNSEEN = 0.5
-"""Assumed size of a rare change in the opposite direction that occurred in no run. The size is a
-log-ratio; 0.5 is a factor of 1.65."""
+"""Assumed size of a rare opposite change that did not occur in any run. The size is a
+log-ratio, and 0.5 is a factor of 1.65."""
 
 FAILED, SCATTER = 0.2, 4 * 1.4826
 """Limits for a failure. A pair is a failure if its log-ratio is larger than FAILED and exceeds the

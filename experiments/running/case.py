@@ -274,7 +274,7 @@ def _done(
 
 
 def numbers_of(lines: Sequence[Mapping[str, Any]]) -> Array:
-    """Return the numbers (p, n) in the columns `NUMBERS` of some rows, including nested tables."""
+    """Return the values (p, n) of the columns `NUMBERS` from rows with nested tables."""
     table = pd.json_normalize(list(lines)).reindex(columns=NUMBERS)
     return np.ascontiguousarray(table.to_numpy(float))
 
