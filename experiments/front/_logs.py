@@ -76,7 +76,7 @@ class LogResult:
             Axes to draw on, one for each panel of the chart (default: new axes).
         """
         shown = self.page.charts[chart]
-        return draw(shown.panels, ax, x=shown.x, **shown.options)
+        return draw(shown.panels, ax, **shown.options)
 
     def __repr__(self) -> str:
         lines = [f"{MARKS[one.kind]} {one.sentence}" for one in self.page.remarks]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -31,19 +31,19 @@ Array = NDArray[np.float64]
 MOST = 4000  # maximum number of points of a curve
 GAPS = 200  # maximum number of gaps that are shaded
 PIECE = 500  # number of samples of a simulation in a figure
+TIMED: dict[str, Any] = {"x": "time [s]"}
 WRITTEN: dict[str, Any] = {"border": 0, "float_format": "{:.5g}".format}
 """Options with which pandas writes a table as HTML."""
 
 
 @dataclass(frozen=True)
 class Chart:
-    """A figure with a title, a caption (`words`), and the series of each panel by its label."""
+    """A figure: its title, caption (`words`), series of each panel, and options of `curves`."""
 
     title: str
     words: str
     panels: Mapping[str, Sequence[Series]]
-    options: Mapping[str, Any] = field(default_factory=dict)
-    x: str = "time [s]"
+    options: Mapping[str, Any]
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ class LogPage:
         table = "" if self.table is None else Markup(self.table.to_html(**WRITTEN))
         content = vars(self) | {
             "figures": [
-                (page.drawn(curves, one.title, one.panels, x=one.x, **one.options), one.words)
+                (page.drawn(curves, one.title, one.panels, **one.options), one.words)
                 for one in self.charts
             ],
             "marks": MARKS, "version": version("flexaxis"), "command": LINE.get(), "table": table,
@@ -107,7 +107,7 @@ def import_page(result: Imported, log: str) -> LogPage:
     }
     panels = {label: [_line(record.time, y, "log")] for label, y in curves_of.items()}
     words = "The log. Samples that are missing, or within the burn-in, are shaded."
-    chart = Chart("The log", words, panels, {"spans": _gaps(record.time, usable(record))})
+    chart = Chart("The log", words, panels, TIMED | {"spans": _gaps(record.time, usable(record))})
     return LogPage(f"Import of {log}", finding, checks, [chart])
 
 
@@ -165,7 +165,7 @@ def _compared(title: str, time: Array, y: Array, simulated: Array) -> Chart:
         "speed [rad/s]": [_line(t, y, "log"), _line(t, simulated, "simulation", "truth")],
         "error [rad/s]": [_line(t, y - simulated, "error")],
     }
-    return Chart(title, "The liveliest piece, simulated from the torque alone.", panels)
+    return Chart(title, "The liveliest piece, simulated from the torque alone.", panels, TIMED)
 
 
 def track_page(result: Tracked, estimator: str, log: str) -> LogPage:
@@ -194,7 +194,7 @@ def track_page(result: Tracked, estimator: str, log: str) -> LogPage:
     marks = [(one.time, one.text) for one in result.changes if one.kind == "step"]
     marks += [(float(at), "alarm") for at in result.alarms]
     words = "Ratios of estimates to nominal values, ±2σ. Vertical lines mark steps and alarms."
-    options = {"marks": marks, "spans": _gaps(result.time, result.usable)}
+    options = TIMED | {"marks": marks, "spans": _gaps(result.time, result.usable)}
     chart = Chart("Estimates", words, panels, options)
     return LogPage(f"{estimator} on {log}", result.findings[0], result.findings[1:], [chart], table)
 
@@ -208,5 +208,5 @@ def many_page(result: Many, title: str) -> LogPage:
         points = Series(x=k, y=y, low=y - band, high=y + band, kind="points", label="log, ±2σ")
         panels[name] = [points, Series(x=k, y=one.fitted, role="truth", label="explained")]
     words = "Estimates from each log, ±2σ. The line shows the effects of covariates and a change."
-    chart = Chart("Estimates over the logs", words, panels, x="log")
+    chart = Chart("Estimates over the logs", words, panels, {"x": "log"})
     return LogPage(title, result.findings[0], result.findings[1:], [chart], table)

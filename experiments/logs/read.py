@@ -7,7 +7,6 @@ import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import takewhile
 from pathlib import Path
 from statistics import mode
 from textwrap import shorten
@@ -203,19 +202,12 @@ def _head(lines: Sequence[str], separator: str | None, width: int, header: int |
     if header is not None:
         return _cells(lines[header - 1], separator)
 
-    def fits(row: list[str]) -> bool:
-        return len(row) >= width - 1 and not any(row[width:])
-
     remarks = [x for x in lines if x.lstrip().startswith(COMMENTS)]
     plain = "\n".join(x if x.strip() else "" for x in lines if x not in remarks).strip("\n")
-    last = plain.split("\n\n")[-1].splitlines() or remarks
-    above = [_cells(line.lstrip("#%/ "), separator) for line in reversed(last)]
-    block = [*takewhile(fits, above)] if plain else [*filter(fits, above)]
-    if plain and not block:
-        raise LogError(
-            f"the rows have {width} cells, but the line of names above them has {len(above[0])}: "
-            "say which line has the names with --header LINE"
-        )
+    above = [_cells(x.lstrip("#%/ "), separator) for x in reversed(remarks)]
+    if plain:
+        above = [_cells(x, separator) for x in reversed(plain.split("\n\n")[-1].splitlines())]
+    block = [row for row in above if len(row) >= width - 1 and not any(row[width:])]
     if len(block) > 1 and any(is_unit(cell.strip("[]() ")) for cell in block[0]):
         return [f"{a} [{b.strip('[]() ')}]" for a, b in zip(block[1], block[0], strict=False)]
     keyed = len(block) > 2 and all(row.count(row[0]) > 1 for row in block)
@@ -247,7 +239,7 @@ def _numbers(name: str, column: pd.Series[Any]) -> Array:
     if pd.api.types.is_numeric_dtype(column):
         return column.to_numpy(float)
     texts = column.astype("string").str.strip()
-    if ":" in str(texts.iloc[0]):
+    if texts[:1].str.contains(":").any():
         stamps = pd.to_datetime(texts, format="mixed", utc=True, errors="coerce")
         if stamps.notna().all():
             return (stamps - stamps.iloc[0]).dt.total_seconds().to_numpy(float)

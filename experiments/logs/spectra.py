@@ -110,7 +110,7 @@ def measured_response(u: Array, y: Array, *, period: float, floor: float = 0.0) 
             "swapped or shifted, or the excitation is too small or too slow: log a multisine, or "
             "try --model one_mass"
         )
-    return Spectra(s.frequency[seen], s.torque[seen], s.motion[seen], s.cross[seen])
+    return Spectra(*(values[seen] for values in vars(s).values()))
 
 
 def fit_response(
