@@ -36,7 +36,7 @@ GROUPS = {
     "sensors": "sensor errors, and delays between the axis and its log",
     "mismatch": "effects that the linear model does not describe",
     "nuisance": "changes that are not faults",
-    "known": "faults on axes whose other parameters are known with errors",
+    "known": "faults on axes with errors in the assumed parameters",
     "drives": "commercial drives with their own friction and faults",
     "control": "the controller uses the estimates",
     "chains": "axes with a different number of masses",

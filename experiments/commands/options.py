@@ -54,7 +54,7 @@ ESTIMATOR = (
 )
 
 OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
-    "-q": "Print only results and errors (default: also progress).",
+    "-q": "Print only results and errors (default: print progress, too).",
     "--traceback": "Print the full traceback of a crash (default: one line).",
     "--json": "Print one JSON object on stdout, and nothing else (default: tables and sentences).",
     # inputs
