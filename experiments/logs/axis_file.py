@@ -87,22 +87,19 @@ class Axis:
         nominal = dict(self.model.nominal) | dict(values)
         return replace(self, model=replace(self.model, nominal=nominal))
 
-    def check_known(self) -> None:
-        """Raise a LogError if the nominal values of the axis are only a rough guess."""
-        if not self.known:
-            raise LogError(
-                f"model {self.model.name} has no nominal values: give the file that `flexaxis "
-                "identify` wrote"
-            )
-
     def check_rate(self, period: float) -> None:
         """Reject a log if its sampling rate differs from that of the noise filter.
 
         Raises
         ------
         LogError
-            If the rates differ.
+            If the rates differ, or if the nominal values of the axis are only a rough guess.
         """
+        if not self.known:
+            raise LogError(
+                f"model {self.model.name} has no nominal values: give the file that `flexaxis "
+                "identify` wrote"
+            )
         if self.rate is not None and abs(self.rate * period - 1) > SAME_RATE:
             raise LogError(
                 f"the axis was identified at {self.rate:.6g} Hz, and its noise filter is valid for "
@@ -167,11 +164,6 @@ class _Keys(BaseModel):
     beside: dict[Literal["g_sin", "g_cos"], float] = {}
 
 
-def is_smooth(record: Record) -> bool:
-    """Return whether the torque of a record is a measured, smooth signal."""
-    return record.versions.get("torque") == "smooth"
-
-
 def valid_of(record: Record) -> NDArray[np.bool_]:
     """Return the samples (N,) of a record whose output is valid."""
     return np.ones(len(record.time), bool) if record.valid is None else record.valid
@@ -182,6 +174,8 @@ def usable(record: Record) -> NDArray[np.bool_]:
     return valid_of(record) & (record.time - record.time[0] >= record.burn_in)
 
 
-def output_of(record: Record) -> str:
-    """Return the name of the output that estimators read: the increment if available, or speed."""
-    return next(n for n in ("increment", "speed") if getattr(record, n) is not None)
+def output_of(record: Record) -> tuple[str, NDArray[np.float64]]:
+    """Return name and values (N,) of the output: the increment if known, else the speed."""
+    if record.increment is None:
+        return "speed", np.asarray(record.speed)
+    return "increment", record.increment

@@ -242,7 +242,7 @@ def sign(motion: str, record: Record) -> Row:
     because friction only dissipates power.
     """
     ok, T, u = valid_of(record), record.period, record.torque
-    speed = np.asarray(getattr(record, output_of(record)))
+    speed = output_of(record)[1]
     s = spectra(u[ok], speed[ok], T)
     low = (np.cumsum(s.torque) - s.torque < LOWEST * s.torque.sum()) & (s.frequency > 0)
     faster = s.cross * (np.exp(1j * s.omega * T) - 1)

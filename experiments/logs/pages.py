@@ -103,7 +103,7 @@ def import_page(result: Imported, log: str) -> LogPage:
         finding = Finding("problem", f"As it is, this log spoils estimates: {bad}.")
     curves_of = {
         "torque [as logged]": record.torque,
-        "speed [rad/s]": getattr(record, output_of(record)),
+        "speed [rad/s]": output_of(record)[1],
     }
     panels = {label: [_line(record.time, y, "log")] for label, y in curves_of.items()}
     words = "The log. Samples that are missing, or within the burn-in, are shaded."

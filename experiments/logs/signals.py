@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import median_abs_deviation
 
-from flexaxis.experiments.logs.axis_file import Axis, is_smooth, output_of, usable
+from flexaxis.experiments.logs.axis_file import Axis, output_of, usable
 from flexaxis.sim.record import Record
 
 Array = NDArray[np.float64]
@@ -190,8 +190,7 @@ class Log:
 
 def log_of(record: Record, axis: Axis) -> Log:
     """Return the signals of a record; the torque includes known additional torques of the axis."""
-    output = output_of(record)
-    y = np.asarray(getattr(record, output))
+    output, y = output_of(record)
     angle = np.cumsum(y) * record.period if record.angle is None else record.angle
     angle = axis.model.nominal.get("r", 1.0) * angle
     beside = columns_beside(angle) if axis.beside else {}
@@ -204,7 +203,7 @@ def log_of(record: Record, axis: Axis) -> Log:
         ok=ok,
         period=record.period,
         output=output,
-        smooth=is_smooth(record),
+        smooth=record.versions.get("torque") == "smooth",
         resting=record.burn_in == 0 and still and bool(ok[0]),
         angle=angle,
     )

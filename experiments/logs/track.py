@@ -125,7 +125,6 @@ def track(
     LogError, EstimatorError
         If a name is unknown, or if the estimator cannot be built or run.
     """
-    axis.check_known()
     axis.check_rate(record.period)
     log, lawful = log_of(record, axis), bool(axis.model.laws)
     torque = delayed(log.u, axis.delay / log.period, smooth=log.smooth) + axis.offset
