@@ -122,8 +122,9 @@ def identify_many(
         except FlexaxisError as error:
             findings.append(Finding("problem", f"{path.name} is left out: {error}"))
     table = pd.DataFrame.from_dict(rows, orient="index")
-    if not rows:
-        raise LogError("; ".join(one.text for one in findings))
+    if not (rows and free):
+        texts = "; ".join(one.text for one in findings)
+        raise LogError(texts or "no parameter of the axis is known to 10 %: give --free NAME")
     beside = table[list(covariates)].to_numpy(float)
     explained = {
         name: explain(table[name].to_numpy(), table[f"{name}_sd"].to_numpy(), beside,
