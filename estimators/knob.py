@@ -3,15 +3,13 @@
 import math
 import re
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib.resources import files
 from typing import Any
 
 from flexaxis.estimators.errors import EstimatorError, did_you_mean
-from flexaxis.estimators.models.meaning import moves_as
-from flexaxis.estimators.models.model import Model
 
 FARTHEST = 1024.0  # largest ratio between a position and the usual position, in both directions
 FORGETS = 0.9  # an option with a default between this value and 1 is a forgetting factor
@@ -53,10 +51,6 @@ class Knob:
             return None
         return {self.name: self.value(position)}
 
-    def turned(self, factor: float) -> dict[str, float] | None:
-        """Return the option at a multiple of the usual position, or None if out of range."""
-        return self.at(self.usual * factor)
-
     def value(self, position: float) -> float:
         """Return the value of the option at a position."""
         return TRANSFORMS[self.transform](position)
@@ -86,7 +80,7 @@ def make_knob(declared: Any, defaults: Mapping[str, Any]) -> Knob:
 
     Examples
     --------
-    >>> make_knob("1-lam", {"lam": 0.99}).turned(2.0)
+    >>> make_knob("1-lam", {"lam": 0.99}).at(0.02)
     {'lam': 0.98}
     """
     read = re.fullmatch(r"(1-|1/)?\s*(\w+)", str(declared).strip())
@@ -110,80 +104,18 @@ def make_knob(declared: Any, defaults: Mapping[str, Any]) -> Knob:
     return Knob(name, transform, usual, usual / FARTHEST, most)
 
 
-PERIODS_AGREE = 1e-6  # largest relative difference of equal periods
-
-
-@dataclass(frozen=True)
-class Tuning:
-    """
-    A tuned setting of a knob, with the command that determined the setting, and the axis.
-
-    Attributes
-    ----------
-    estimator, knob : str
-        Name of the estimator, and name of the tuned option.
-    value : float
-        Tuned value of the option.
-    setting : str
-        Estimator with the tuned option, in the format of ``--estimator``.
-    match : str
-        Measure of noise that was matched: "excess" for the excess prediction error, or the name of
-        a parameter for the standard deviation of its estimate.
-    ratio : float
-        Noise of the estimator divided by the noise of `rpem-forgetting` at λ = 0.995 on the nominal
-        axis; for the excess error, the square root of this ratio.
-    command : str
-        Command that determined the setting.
-    model : str
-        Name of the axis, such as ``"n1"``.
-    identify : tuple of str
-        Names of the identified parameters.
-    period : float
-        Sampling period [s].
-    noise : float
-        Standard deviation of the noise of y [rad/s] in the tuning. A setting is used at any noise
-        level.
-    """
-
-    estimator: str
-    knob: str
-    value: float
-    setting: str
-    match: str
-    ratio: float
-    command: str
-    model: str
-    identify: Sequence[str]
-    period: float
-    noise: float
-
-    def holds_for(self, model: Model, period: float, identify: Sequence[str]) -> bool:
-        """
-        Return whether the setting was determined for this axis, in any units.
-
-        Parameters
-        ----------
-        model : Model
-            Model with the nominal values at which the estimator starts.
-        period : float
-            Sampling period [s].
-        identify : sequence of str
-            Names of the identified parameters, in any order.
-        """
-        return (
-            sorted(self.identify) == sorted(identify)
-            and abs(period / self.period - 1) < PERIODS_AGREE
-            and moves_as(model, self.model)
-        )
-
-
 @lru_cache
-def tunings() -> tuple[Tuning, ...]:
-    """Return all tuned settings, read from ``tuned.toml``."""
+def tunings() -> Mapping[str, Mapping[str, Any]]:
+    """
+    Return the tuned settings in ``tuned.toml``, by the name of the estimator.
+
+    A setting has the keys ``estimator``, ``knob`` (name of the option), ``value``, ``setting`` (the
+    format of ``--estimator``), ``match`` (noise that was matched: "excess" for the excess
+    prediction error, or the parameter of which the standard deviation was matched), ``ratio`` (this
+    noise over that of `rpem-forgetting` with λ = 0.995; for the excess error its square root),
+    ``command`` (that determined the setting), ``model`` (``"n1"``, the nominal axis), ``identify``
+    (identified parameters), ``period`` [s] and ``noise`` (standard deviation of the noise of y in
+    the tuning [rad/s]; a setting is used at any noise level).
+    """
     text = files("flexaxis.estimators").joinpath("tuned.toml").read_text(encoding="utf-8")
-    return tuple(Tuning(**table) for table in tomllib.loads(text)["tuned"])
-
-
-def at_equal_noise(estimator: str) -> Tuning | None:
-    """Return the tuned setting of an estimator, or None for an estimator that was not tuned."""
-    return next((t for t in tunings() if t.estimator == estimator), None)
+    return {table["estimator"]: table for table in tomllib.loads(text)["tuned"]}

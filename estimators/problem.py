@@ -16,14 +16,15 @@ from flexaxis.estimators.filters.design import (
     forgetting_factor,
     make_design,
 )
-from flexaxis.estimators.knob import at_equal_noise
+from flexaxis.estimators.knob import tunings
 from flexaxis.estimators.models.axes import PAPER, three_mass
-from flexaxis.estimators.models.meaning import moving_poles
+from flexaxis.estimators.models.meaning import moves_as_nominal, moving_poles
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.signals import find_signal
 
 SHORT = 0.1  # shortest memory relative to the slowest time constant: with a memory of 1 s estimates
 # diverge on an axis that coasts for 13.5 s, but not on one that coasts for 4 s
+PERIODS_AGREE = 1e-6  # largest relative difference of equal periods
 Array = NDArray[np.float64]
 Nominal = Mapping[str, float] | Model
 
@@ -98,9 +99,15 @@ class Problem:
 
     def tuned(self, name: str) -> float | None:
         """Return the tuned value of an estimator's knob for this axis, or None without tuning."""
-        tuning = at_equal_noise(name)
-        axis = self.model, self.period, self.identify
-        return tuning.value if tuning and tuning.holds_for(*axis) else None
+        tuned = tunings().get(name)
+        if (
+            tuned
+            and sorted(tuned["identify"]) == sorted(self.identify)
+            and abs(self.period / tuned["period"] - 1) < PERIODS_AGREE
+            and moves_as_nominal(self.model)
+        ):
+            return float(tuned["value"])
+        return None
 
     def factor(self, name: str, forgetting: float | None) -> float:
         """Return λ: specified, tuned, or for 1 s; warn if the memory is too short for the axis."""
@@ -117,17 +124,17 @@ class Problem:
             )
         return weight
 
-    def initial_P(self, known: Array | None, **time_update: Any) -> ArrayLike:
+    def initial_P(self, *, scale: float = 1.0, **time_update: Any) -> ArrayLike:
         """
         Return P(0).
 
         P(0) is the attribute ``P0`` if set. Otherwise it is computed by the paper's recipe from the
-        torque of a nominal run or, without a torque, taken from ``known``.
+        torque of a nominal run or, without a torque, it is the stored result for the nominal axis.
 
         Parameters
         ----------
-        known : (p,) array or None
-            Stored diagonal of P(0) for this axis.
+        scale : float
+            Factor by which Δ of eq. (32) is multiplied.
         **time_update
             Option ``forgetting`` or ``drift`` of the recipe.
         """
@@ -144,6 +151,13 @@ class Problem:
                 output=self.output,
                 **time_update,
             )
+        known = priors.stored_P(
+            self.model,
+            self.identify,
+            self.period,
+            forgetting=time_update.get("forgetting"),
+            scale=scale,
+        )
         if known is not None:
             return known
         raise EstimatorError(
@@ -152,18 +166,10 @@ class Problem:
             "the recipe"
         )
 
-    def forgetting_P(self, forgetting: float) -> ArrayLike:
-        """Return P(0) for a method with a forgetting factor."""
-        from flexaxis.estimators.offline import priors
-
-        known = priors.stored_P(self.model, self.identify, self.period, forgetting=forgetting)
-        return self.initial_P(known, forgetting=forgetting)
-
-    def forgetting_design(self, name: str, forgetting: float | None) -> Design:
-        """Return the design of a method with a forgetting factor."""
+    def forgetting_options(self, name: str, forgetting: float | None) -> dict[str, Any]:
+        """Return the options of a method with a forgetting factor: `asked`, λ and P(0)."""
         weight = self.factor(name, forgetting)
-        P = self.forgetting_P(weight)
-        return make_design(self.model, **self.asked, P0=P, forgetting=weight)
+        return self.asked | {"forgetting": weight, "P0": self.initial_P(forgetting=weight)}
 
     def walk_design(self, name: str, usual: float, *, walk: float | None, spread: float) -> Design:
         """

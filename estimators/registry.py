@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from flexaxis.estimators import methods
 from flexaxis.estimators.errors import EstimatorError, did_you_mean
-from flexaxis.estimators.knob import Knob, at_equal_noise, make_knob
+from flexaxis.estimators.knob import Knob, make_knob, tunings
 from flexaxis.estimators.problem import Problem
 
 if TYPE_CHECKING:
@@ -84,13 +84,15 @@ class Entry:
     def options(self) -> Mapping[str, Any]:
         """Names of the options, with their defaults on the nominal axis."""
         parameters = inspect.signature(self.factory).parameters.values()
-        keywords = {p.name: p.default for p in parameters if p.kind is p.KEYWORD_ONLY}
-        options = {name: value for name, value in keywords.items() if name not in GIVEN}
+        options = {
+            p.name: p.default
+            for p in parameters
+            if p.kind is p.KEYWORD_ONLY and p.name not in GIVEN
+        }
         if self.knob:
             name = self.knob.removeprefix("1-").removeprefix("1/")
             if options[name] is None:
-                tuning = at_equal_noise(self.name)
-                options[name] = tuning.value if tuning else self.default
+                options[name] = tunings().get(self.name, {}).get("value", self.default)
         return options
 
     @property

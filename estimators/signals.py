@@ -34,15 +34,12 @@ def increment(model: Model, period: float) -> Model:
     Model
         The model with the additional state ``angle_increment`` and the new output.
     """
-    grown = [[*row, "0"] for row in model.A] + [[*model.C, "0"]]
+    state = "angle_increment"
     return replace(
-        model,
+        with_angle(model, state),
         name=f"{model.name}, increments",
-        states=(*model.states, "angle_increment"),
-        A=grown,
-        B=(*model.B, "0"),
-        C=(*("0" for _ in model.states), repr(1 / float(period))),
-        reset=(*model.reset, "angle_increment"),
+        C=(*["0"] * len(model.states), repr(1 / float(period))),
+        reset=(*model.reset, state),
     )
 
 
@@ -59,11 +56,8 @@ def counted_angle(model: Model) -> Model:
     model : Model
         Model whose output is the speed.
     """
-    grown = with_angle(model)
-    output = (*("0" for _ in model.states), "1")
-    return replace(
-        grown, name=f"{model.name}, angle", states=(*model.states, "angle_read"), C=output
-    )
+    C = (*["0"] * len(model.states), "1")
+    return replace(with_angle(model, "angle_read"), name=f"{model.name}, angle", C=C)
 
 
 @dataclass(frozen=True)

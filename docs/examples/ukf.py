@@ -26,7 +26,6 @@ class Ukf:
         # parameter
         self.nominal, self.period = dict(nominal), period
         self.start = np.array([nominal["k_T"], 1 / nominal["J_a"], nominal["f_m"]])
-        self.bounds = (0.1 * self.start, 10 * self.start)
         self.xi = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0])  # theta/start, x
         self.P = np.diag([spread**2] * 3 + [0.0] * 5)
         self.W = np.diag([walk**2 * period] * 3 + [0.0] * 5)

@@ -23,6 +23,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from flexaxis.estimators.filters.state import subtract
 from flexaxis.estimators.models.compiler import inlined
 from flexaxis.estimators.models.memory import Indices, Matrix, Vector
 
@@ -45,12 +46,13 @@ class Told(NamedTuple):
         Quantile c of each group.
     drawn : (u,) array
         Resulting estimates.
+    mean, column : (u,) arrays
+        Conditional estimate, overwritten for each group, and a column of P, overwritten for each
+        parameter.
     drawn_P, drawn_between : (u, u) arrays
         Two summands of the covariance of ``drawn``: within and between the estimates of a mixture.
-    mean, P : (u,) and (u, u) arrays
-        Conditional estimate and its covariance; overwritten for each group.
-    column : (u,) array
-        Column of P; overwritten for each parameter.
+    P : (u, u) array
+        Covariance of the conditional estimate; overwritten for each group.
     """
 
     union: Indices
@@ -58,11 +60,11 @@ class Told(NamedTuple):
     values: Matrix
     limit: Vector
     drawn: Vector
+    mean: Vector
+    column: Vector
     drawn_P: Matrix
     drawn_between: Matrix
-    mean: Vector
     P: Matrix
-    column: Vector
 
 
 def told_arrays(
@@ -88,19 +90,12 @@ def told_arrays(
         members[row, : len(indices)] = np.searchsorted(union, indices)
         values[row, : len(indices)] = told
         limit[row] = chi2.ppf(LEVEL, len(indices))
-    q, square = np.zeros(len(union)), np.zeros((len(union), len(union)))
-    return {
-        "union": union,
-        "members": members,
-        "told": values,
-        "limit": limit,
-        "drawn": q,
-        "drawn_P": square,
-        "drawn_between": square,
-        "told_mean": q,
-        "told_P": square,
-        "column": q,
-    }
+    u = len(union)
+    return (
+        {"union": union, "members": members, "told": values, "limit": limit}
+        | dict.fromkeys(("drawn", "told_mean", "column"), np.zeros(u))
+        | dict.fromkeys(("drawn_P", "drawn_between", "told_P"), np.zeros((u, u)))
+    )
 
 
 @inlined
@@ -149,8 +144,7 @@ def _draw(told, g):
         square += e**2 / variance
         for a in range(len(drawn)):
             mean[a] += column[a] * e / variance
-            for b in range(len(drawn)):
-                C[a, b] -= column[a] * column[b] / variance
+        subtract(C, column, 1.0 / variance)
     share = 1.0 / (1.0 + np.exp(min(0.5 * (square - told.limit[g]), 100.0)))
     for a in range(len(drawn)):
         for b in range(len(drawn)):

@@ -72,17 +72,6 @@ class Design:
     x0_covariance: Array
     differences: bool
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the parameters."""
-        return self.model.names
-
-    @property
-    def bounds(self) -> tuple[Array, Array]:
-        """Lower and upper bounds (p,) of θ."""
-        sides = self.lower * self.scale, self.upper * self.scale
-        return np.minimum(*sides), np.maximum(*sides)
-
 
 def make_design(
     model: Model,
@@ -122,17 +111,24 @@ def make_design(
         If an option cannot be used; the message says what is allowed.
     """
     above_zero("period", period, "the sampling period in seconds")
-    counted, differences = output == "angle" and corrects, output == "angle" and not corrects
-    chosen = find_signal(output).predicted(model, period)
-    chosen = counted_angle(model) if counted else chosen
+    counted = corrects and output == "angle"
+    differences = output == "angle" and not counted
+    chosen = counted_angle(model) if counted else find_signal(output).predicted(model, period)
     sigma = 0.0 if noise is None else above_zero("noise", noise, "the standard deviation of y")
     parametrization = chosen.parametrize(model.identify if identify is None else identify)
     p = len(parametrization.names)
     start = finite_vector("theta0", parametrization.theta if theta0 is None else theta0, p)
     lower, upper = _box(start, bounds, np.array(parametrization.additive))
-    weight, modification = _time_update(forgetting, drift, period, p)
-    scale = _scale(start, scale)
-    sides = lower / scale, upper / scale
+    if forgetting is not None and drift is not None:
+        raise EstimatorError("forgetting and drift are both given; choose (9) or (10), not both")
+    modification = np.zeros((p, p)) if drift is None else covariance_matrix("drift", drift, p)
+    scale = start if scale is None else finite_vector("scale", scale, p)
+    if not scale.all():
+        raise EstimatorError(
+            f"a parameter of a law starts at 0 ({start}), so its scale is unknown: choose a start "
+            "of the expected size"
+        )
+    lower, upper = np.sort([lower / scale, upper / scale], axis=0)
     squares = np.outer(scale, scale)
     initial = np.zeros(parametrization.states)
     initial[: np.size(x0_variance)] = x0_variance
@@ -145,25 +141,15 @@ def make_design(
         period=float(period),
         theta0=start / scale,
         P0=covariance_matrix("P0", P0, p) / squares,
-        forgetting=weight,
+        forgetting=forgetting_factor(forgetting, period) if drift is None else 1.0,
         drift=modification / squares,
         regularization=_weights(regularization, p) * scale**2,
-        lower=np.minimum(*sides),
-        upper=np.maximum(*sides),
+        lower=lower,
+        upper=upper,
         noise=sigma * np.sqrt(2) / period if differences else sigma,
         x0_covariance=np.diag(initial),
         differences=differences,
     )
-
-
-def _scale(start: Array, asked: ArrayLike | None) -> Array:
-    scale = start if asked is None else finite_vector("scale", asked, len(start))
-    if not scale.all():
-        raise EstimatorError(
-            f"a parameter of a law starts at 0 ({start}), so its scale is unknown: choose a start "
-            "of the expected size"
-        )
-    return scale
 
 
 def above_zero(name: str, value: object, what: str) -> float:
@@ -196,16 +182,6 @@ def forgetting_factor(forgetting: object, period: float) -> float:
     if _is_number(forgetting) and 0 < forgetting <= 1:  # type: ignore[operator]
         return float(forgetting)  # type: ignore[arg-type]
     raise EstimatorError(f"forgetting is {forgetting!r}; λ must lie in (0, 1]")
-
-
-def _time_update(
-    forgetting: float | None, drift: ArrayLike | None, period: float, p: int
-) -> tuple[float, Array]:
-    if forgetting is not None and drift is not None:
-        raise EstimatorError("forgetting and drift are both given; choose (9) or (10), not both")
-    if drift is not None:
-        return 1.0, covariance_matrix("drift", drift, p)
-    return forgetting_factor(forgetting, period), np.zeros((p, p))
 
 
 def _weights(regularization: ArrayLike, p: int) -> Array:
@@ -260,8 +236,7 @@ def _box(
     theta0: Array, bounds: tuple[ArrayLike, ArrayLike] | None, additive: NDArray[np.bool_]
 ) -> tuple[Array, Array]:
     if bounds is None:
-        corners = np.outer(DEFAULT_BOX, theta0)
-        lower, upper = corners.min(axis=0), corners.max(axis=0)
+        lower, upper = np.sort(np.outer(DEFAULT_BOX, theta0), axis=0)
     else:
         lower, upper = (finite_vector("bounds", bound, len(theta0)) for bound in bounds)
     if np.any((lower * upper <= 0) & ~additive):

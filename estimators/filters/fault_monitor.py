@@ -21,8 +21,8 @@ All thresholds are relative to y and to the noise of y, so units do not matter.
 """
 
 import numpy as np
-from numpy.typing import ArrayLike
 
+from flexaxis.estimators.filters.state import PATIENCE
 from flexaxis.estimators.models.compiler import inlined
 from flexaxis.estimators.models.memory import Memory
 
@@ -30,16 +30,13 @@ FAR = 10.0  # change of ŷ in standard deviations: twice the change possible wit
 FORETOLD = 0.5  # smallest autocorrelation of the residual of a lost filter; noise has little
 LEFT = 0.2  # smallest ratio of the mean squares of the residual of a lost filter and of y: a wrong
 # gear spring in the model leads to 0.17, a sensor that had the wrong sign for a while to 0.25
-MEMORY = 2.0  # s, memory of these means
-PATIENCE = 5.0  # time until a filter counts as lost, relative to MEMORY: 10 s, ten time constants
 ABSURD = 1e2
 """
 Largest ratio of the measured output to the rms of ŷ, to ŷ, or to the noise, at which a residual is
 checked: parameters within their box (0.1 to 10 times nominal) change y by at most a factor of one
 hundred.
 """
-HEEDS_ALL, HEEDS_LOST, HEEDS_NOTHING = 0.0, 1.0, 9.0  # a filter is reset if ``anew`` is larger
-UNKNOWN = 1.0  # s, time after which an error of the state has decayed
+HEEDS_LOST, HEEDS_NOTHING = 1.0, 9.0  # a filter is reset if ``anew`` is larger; 0 by default
 
 KEPT = (
     "reading",
@@ -49,19 +46,6 @@ KEPT = (
     "patience",
     "rounding",
 )  # variables that describe the sensor and are kept in a reset
-
-
-def monitor_numbers(period: float, heeds: float = HEEDS_ALL) -> dict[str, ArrayLike]:
-    """Return initial values for `is_stuck` and `check_residual`; ``heeds`` is a HEEDS_… value."""
-    return {
-        "astray_memory": MEMORY / period,
-        "unknown": round(UNKNOWN / period),
-        "heeds": heeds,
-        "reading": np.nan,
-        "rails": np.nan,
-        "patience": PATIENCE,
-        "earlier": np.nan,
-    }
 
 
 @inlined
@@ -91,7 +75,7 @@ def is_stuck(state, y, prediction, variance):
 @inlined
 def check_residual(state, y, epsilon):
     """Process a residual, and mark a lost filter for a reset; then double the waiting time."""
-    if y**2 > ABSURD**2 * max(state["signal"], state["expected"] ** 2, state["noise"]):
+    if y**2 > ABSURD**2 * max(state["signal"], state["prediction"] ** 2, state["noise"]):
         return  # such a sample would dominate the means for minutes
     squares = state["squares"]
     state["judged"] += 1.0
@@ -103,9 +87,9 @@ def check_residual(state, y, epsilon):
     lost = squares[0] > LEFT * squares[1] and squares[2] > FORETOLD * squares[0]
     # count samples without interruption, because every jump of a parameter takes some time
     state["gone"] = state["gone"] + 1.0 if lost else 0.0
-    lost = state["gone"] >= state["patience"] * state["astray_memory"]
-    if state["judged"] >= state["patience"] * state["astray_memory"]:
-        if lost:
+    patience = state["patience"] * state["astray_memory"]
+    if state["judged"] >= patience:
+        if state["gone"] >= patience:
             state["patience"] *= 2.0
             state["anew"] = 2.0
         elif state["gone"] == 0.0:
@@ -121,8 +105,8 @@ def begin_anew(state: Memory, start: Memory) -> None:
     parameters. R is learnt again; until R is known, the value of R before the reset is used to
     detect a stuck sensor.
     """
-    kept: dict[str, ArrayLike] = {name: np.copy(state[name]) for name in KEPT}
-    kept["earlier"] = np.copy(state["noise"]) if np.max(state["anew"]) < 2.0 else np.nan
+    kept = {name: np.copy(state[name]) for name in KEPT}
+    kept["earlier"] = state["noise"] * (1.0 if np.max(state["anew"]) < 2.0 else np.nan)
     state.block[...] = start.block
     for name, value in kept.items():
         state[name] = value

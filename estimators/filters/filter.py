@@ -2,10 +2,8 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from copy import copy, deepcopy
-from dataclasses import dataclass
-from importlib import import_module
-from typing import Any, Self
+from copy import deepcopy
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -29,12 +27,10 @@ class RecursiveEstimator(ABC):
         Names of the p identified parameters.
     output : {"speed", "increment", "angle"}
         Kind of signal y.
-    bounds : (lower, upper), each (p,)
-        Limits of the estimate.
 
     Attributes
     ----------
-    names, output, bounds
+    names, output
         Values of the constructor's parameters.
     theta : (p,) array
         Current estimate.
@@ -54,8 +50,8 @@ class RecursiveEstimator(ABC):
     θ[k] uses y[0..k] and u[0..k−1]; u[k] is held on [t_k, t_{k+1}) and first acts on y[k+1].
     """
 
-    def __init__(self, names: tuple[str, ...], output: str, bounds: tuple[Array, Array]) -> None:
-        self.names, self.output, self.bounds = names, output, bounds
+    def __init__(self, names: tuple[str, ...], output: str) -> None:
+        self.names, self.output = names, output
         self._one = np.empty(1), np.empty(1), np.empty(1, bool), np.empty((1, len(names)))
         self._trace = np.full((1, 3), np.nan)
 
@@ -100,13 +96,7 @@ class RecursiveEstimator(ABC):
 
     def copy(self) -> Self:
         """Return an independent estimator in the same state."""
-        other = copy(self)
-        for name, value in vars(self).items():
-            if name not in self._shared:
-                setattr(other, name, deepcopy(value))
-        return other
-
-    _shared: tuple[str, ...] = ("names", "output", "bounds")  # attributes that never change
+        return deepcopy(self)
 
     def step(self, u: float, y: float | None) -> Array:
         """
@@ -153,19 +143,17 @@ class CompiledFilter(RecursiveEstimator):
 
     Parameters
     ----------
-    loop : str
-        Module and name of the loop, separated by a colon. The function ``loop(block, at, u, y,
-        valid, estimates, trace, laws)`` processes samples and writes η (N, p), and ŷ, the
-        innovation and its variance (N, 3). ``laws`` is None for a linear model. The function
-        returns the number of processed samples; a negative number means that the filter has to be
-        reset, see `flexaxis.estimators.filters.fault_monitor`.
+    loop : callable
+        The function ``loop(block, at, u, y, valid, estimates, trace, laws)`` processes samples and
+        writes η (N, p), and ŷ, the innovation and its variance (N, 3). ``laws`` is None for a
+        linear model. The function returns the number of processed samples; a negative number means
+        that the filter has to be reset, see `flexaxis.estimators.filters.fault_monitor`.
     start : Memory
         State of the filter before the first sample.
     design : Design
         Options of the filter, with names, output, scale and box.
     read : callable
-        Function ``read(state)`` that returns η and the claimed covariance of η, for all parameters
-        or for the tracked parameters.
+        Function ``read(state)`` that returns η and the claimed covariance of η.
 
     Attributes
     ----------
@@ -173,18 +161,15 @@ class CompiledFilter(RecursiveEstimator):
         Current state of the filter.
     """
 
-    _shared = (*RecursiveEstimator._shared, "_design", "_loop", "_begin", "_read")
-
     def __init__(
         self,
-        loop: str,
+        loop: Callable[..., int],
         start: Memory,
         design: Design,
         read: Callable[[Memory], tuple[Array, Array]],
     ) -> None:
-        super().__init__(design.names, design.output, design.bounds)
-        module, name = loop.split(":")
-        self._loop = getattr(import_module(module), name)
+        super().__init__(design.model.names, design.output)
+        self._loop = loop
         self._laws = LAWS if design.model.forces else None
         self._design, self._begin, self._read = design, start, read
         self.reset()
@@ -203,7 +188,7 @@ class CompiledFilter(RecursiveEstimator):
 
     def _all(self) -> tuple[Array, Array]:
         eta, covariance = self._read(self.state)
-        scale = self._design.scale[: len(eta)]
+        scale = self._design.scale
         return eta * scale, covariance * np.outer(scale, scale)
 
     def _take(
@@ -220,60 +205,4 @@ class CompiledFilter(RecursiveEstimator):
             if taken < 0:
                 begin_anew(state, self._begin)
             running = done < len(u)
-        estimates *= self._design.scale[: len(self.names)]
-
-
-@dataclass(frozen=True)
-class Trace:
-    """
-    Internal variables of a filter over N samples.
-
-    Attributes
-    ----------
-    theta : (N, p) array
-        Estimates after each sample.
-    epsilon : (N,) array
-        Residuals y − ŷ, eq. (6); NaN in a gap.
-    psi : (N, p) array
-        Gradients of ŷ at the estimate before each sample, eq. (16).
-    P : (N, p, p) array
-        Matrices P(t+1|t), for a noise variance of one.
-    covariance : (N, p) array
-        Diagonals of the claimed covariance of the estimates.
-    """
-
-    theta: Array
-    epsilon: Array
-    psi: Array
-    P: Array
-    covariance: Array
-
-
-def trace(estimator: Any, u: ArrayLike, y: ArrayLike, valid: ArrayLike | None = None) -> Trace:
-    """
-    Run an estimator step by step from its current state and record its internal variables.
-
-    Parameters
-    ----------
-    estimator : filter
-        Filter with the attributes ``epsilon``, ``psi``, ``P`` and ``covariance``. As after ``run``,
-        the filter is left in the state after the last sample.
-    u, y : (N,) array_like
-        Torque and measured output.
-    valid : (N,) array_like of bool, optional
-        Validity of each y, False where y is missing; all valid by default.
-
-    Returns
-    -------
-    Trace
-    """
-    u, y, present = check_signals(u, y, valid)
-    N, p = len(u), len(estimator.names)
-    kept = Trace(*(np.empty((N, *shape)) for shape in ((p,), (), (p,), (p, p), (p,))))
-    for k in range(N):
-        kept.theta[k] = estimator.step(u[k], y[k] if present[k] else None)
-        kept.epsilon[k] = estimator.epsilon
-        kept.psi[k] = estimator.psi
-        kept.P[k] = estimator.P
-        kept.covariance[k] = np.diag(estimator.covariance)
-    return kept
+        estimates *= self._design.scale

@@ -27,42 +27,34 @@ class Modes(NamedTuple):
 
     Attributes
     ----------
-    now, axis, theta, X, P, G, GP, gain, drift, ceiling, lower, upper
-        Attributes of `flexaxis.estimators.filters.joint.Joint`.
-    xi : (modes, m) array
-        Vectors ξ = [θ; x] of the modes.
-    apart, mean : (m,) arrays
-        Difference between two modes, and mean of the mixture of all modes.
-    mean_P : (m, w) array
-        Covariance of the mixture.
+    now, axis, theta, X, drift, lower, upper, P, G, GP, gain, ceiling
+        Attributes of `flexaxis.estimators.filters.joint.Joint`. One more row stores the quiet mode
+        while the modes are mixed.
+    apart : (m,) array
+        Difference between two modes.
     """
 
     now: Annotated[NDArray[np.void], NUMBERS, 1]
     axis: Axis
     theta: Matrix
     X: Cube
+    drift: Cube
+    lower: Vector
+    upper: Vector
     P: Cube
     G: Cube
     GP: Cube
     gain: Matrix
-    drift: Cube
     ceiling: Vector
-    lower: Vector
-    upper: Vector
-    xi: Matrix
     apart: Vector
-    mean: Vector
-    mean_P: Matrix
 
 
 def modes_of(arrays: dict[str, NDArray], count: int) -> Memory:
     """Return ``count`` modes that start as copies of one joint filter with the given arrays."""
-    own = ("now", "theta", "X", "P", "G", "GP", "gain", "drift")
-    one = arrays | {"now": arrays["now"][0]}
-    rows = {name: np.stack([one[name]] * count) for name in own}
-    m = np.zeros_like(arrays["gain"])
-    mixing = {"xi": np.stack([m] * count), "apart": m, "mean": m}
-    return Memory({**arrays, **rows, **mixing, "mean_P": np.zeros_like(arrays["P"])})
+    own = ("theta", "X", "drift", "P", "G", "GP", "gain")
+    rows = {name: np.stack([arrays[name]] * (count + 1)) for name in own}
+    rows["now"] = np.repeat(arrays["now"], count)
+    return Memory(arrays | rows | {"apart": np.zeros_like(arrays["gain"])})
 
 
 @embedded
@@ -73,53 +65,49 @@ def mode(modes, j):
         modes.axis,
         modes.theta[j],
         modes.X[j],
+        modes.drift[j],
+        modes.lower,
+        modes.upper,
         modes.P[j],
         modes.G[j],
         modes.GP[j],
         modes.gain[j],
-        modes.drift[j],
         modes.ceiling,
-        modes.lower,
-        modes.upper,
     )
 
 
 @inlined
-def mixture(now):
+def mixture(now, X):
     """Return the output predicted by the mixture, and its variance without noise."""
     mean, spread = 0.0, 0.0
     for j in range(len(now)):
-        mean += now[j]["predicted"] * now[j]["output"]
+        mean += now[j]["predicted"] * X[j, -1, 0]
     for j in range(len(now)):
-        spread += now[j]["predicted"] * (now[j]["spread"] + (now[j]["output"] - mean) ** 2)
+        spread += now[j]["predicted"] * (now[j]["spread"] + (X[j, -1, 0] - mean) ** 2)
     return mean, spread
 
 
 @inlined
-def listen(now, y, noise):
-    """Store the logarithm of the likelihood Λ of a mode's innovation before the update."""
-    now["logarithm"] = 0.0
-    if not np.isnan(y):
-        S = now["spread"] + noise
-        now["logarithm"] = -0.5 * (np.log(S) + (y - now["output"]) ** 2 / S)
+def weigh(modes, y, noise, estimates):
+    """
+    Compute μ_j ← c_j Λ_j/Σ_i c_i Λ_i, and write the mean of η.
 
-
-@inlined
-def weigh(now, theta, estimates):
-    """Compute μ_j ← c_j Λ_j/Σ_i c_i Λ_i, and write the mean of η."""
-    highest, total = -np.inf, 0.0
+    Λ_j is the likelihood of the innovation of mode j, or one if y is NaN.
+    """
+    now, highest, total = modes.now, -np.inf, 0.0
     for j in range(len(now)):
+        S, e = now[j]["spread"] + noise, y - modes.X[j, -1, 0]
+        now[j]["logarithm"] = -0.5 * (np.log(S) + e**2 / S) if not np.isnan(y) else 0.0
         highest = max(highest, now[j]["logarithm"])
     for j in range(len(now)):
         share = now[j]["predicted"] * np.exp(now[j]["logarithm"] - highest)
-        now[j]["probability"] = share if share > LEAST else LEAST
+        now[j]["probability"] = max(LEAST, share)
         total += now[j]["probability"]
-    for i in range(len(estimates)):
-        estimates[i] = 0.0
+    estimates[:] = 0.0
     for j in range(len(now)):
         now[j]["probability"] /= total
         for i in range(len(estimates)):
-            estimates[i] += now[j]["probability"] * theta[j, i]
+            estimates[i] += now[j]["probability"] * modes.theta[j, i]
 
 
 @inlined
@@ -129,48 +117,34 @@ def mix(modes):
 
     Modes are mixed two at a time, with the same result as mixing all at once. A jump mode continues
     from a mixture of itself and the quiet mode; the quiet mode continues from a mixture of all
-    modes. The new quiet mode is stored separately until the old one is no longer needed. Π_0j is
-    the same for all jump modes j, and Π_j0 = 1 − Π_jj.
+    modes. Π_0j is the same for all jump modes j, and Π_j0 = 1 − Π_jj.
     """
-    now, xi, P, apart = modes.now, modes.xi, modes.P, modes.apart
-    quiet, p = now[0], modes.theta.shape[1]
-    for j in range(len(now)):
-        for a in range(p):
-            xi[j, a] = modes.theta[j, a]
-        for a in range(p, xi.shape[1]):
-            xi[j, a] = modes.X[j, a - p, 0]
-    for a in range(len(modes.mean)):
-        modes.mean[a] = xi[0, a]
-        for b in range(P.shape[2]):
-            modes.mean_P[a, b] = P[0, a, b]
+    now, count = modes.now, len(modes.now)
+    quiet = now[0]
     total = quiet["stay"] * quiet["probability"]
-    jump = (1.0 - quiet["stay"]) / (len(now) - 1) * quiet["probability"]
-    for j in range(1, len(now)):
+    jump = (1.0 - quiet["stay"]) / (count - 1) * quiet["probability"]
+    _join(modes, count, 0, 1.0)  # a copy of the quiet mode
+    for j in range(1, count):
         weight = (1.0 - now[j]["stay"]) * now[j]["probability"]
         total += weight
-        _join(modes.mean, modes.mean_P, xi[j], P[j], weight / total, apart)
-    for j in range(1, len(now)):
+        _join(modes, 0, j, weight / total)
         now[j]["predicted"] = jump + now[j]["stay"] * now[j]["probability"]
-        _join(xi[j], P[j], xi[0], P[0], jump / now[j]["predicted"], apart)
+        _join(modes, j, count, jump / now[j]["predicted"])
     quiet["predicted"] = total
-    for a in range(len(modes.mean)):
-        xi[0, a] = modes.mean[a]
-        for b in range(P.shape[2]):
-            P[0, a, b] = modes.mean_P[a, b]
-    for j in range(len(now)):
-        for a in range(p):
-            modes.theta[j, a] = xi[j, a]
-        for a in range(p, xi.shape[1]):
-            modes.X[j, a - p, 0] = xi[j, a]
 
 
 @inlined
-def _join(mean, P, other, other_P, share, apart):  # noqa: PLR0917
-    """Replace mean and covariance by those of a mixture with another mode of weight ``share``."""
-    for a in range(len(mean)):
-        apart[a] = mean[a] - other[a]
-        mean[a] -= share * apart[a]
-    merge(share, P, other_P, apart)
+def _join(modes, i, j, share):
+    """Replace ξ and P of mode i by those of its mixture with mode j of weight ``share``."""
+    theta, X, apart = modes.theta, modes.X, modes.apart
+    p = theta.shape[1]
+    for a in range(p):
+        apart[a] = theta[i, a] - theta[j, a]
+        theta[i, a] -= share * apart[a]
+    for a in range(len(apart) - p):
+        apart[p + a] = X[i, a, 0] - X[j, a, 0]
+        X[i, a, 0] -= share * apart[p + a]
+    merge(share, modes.P[i], modes.P[j], apart)
 
 
 @fused
@@ -197,9 +171,8 @@ def merge(share, P, other, apart):
 
 def read_mixture(state: Memory) -> tuple[Array, Array]:
     """Return η (p,) of the mixture of all modes, and the covariance (p, p) of η."""
-    weights, theta = state["predicted"], state["theta"]  # both are values after mixing
-    p = theta.shape[1]
-    mean = weights @ theta
+    weights, theta = state["predicted"], state["theta"][:-1]  # both are values after mixing
+    p, mean = theta.shape[1], weights @ theta
     apart = theta - mean
-    covariance = np.einsum("j,jab->ab", weights, state["P"][:, :p, :p])
+    covariance = np.einsum("j,jab->ab", weights, state["P"][:-1, :p, :p])
     return mean, covariance + np.einsum("j,ja,jb->ab", weights, apart, apart)

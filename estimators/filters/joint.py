@@ -13,10 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.filters.design import Design
-from flexaxis.estimators.filters.noise import level
-from flexaxis.estimators.filters.state import NUMBERS, bound, on_lanes, project
+from flexaxis.estimators.filters.state import NUMBERS, bound, first_arrays, project, subtract
 from flexaxis.estimators.models.compiler import fused, inlined, summed
-from flexaxis.estimators.models.memory import Matrix, Memory, Vector, numbers
+from flexaxis.estimators.models.memory import Matrix, Memory, Vector
 from flexaxis.estimators.models.rows import multiply, padded
 from flexaxis.estimators.models.series import Axis, over_sample
 
@@ -35,30 +34,32 @@ class Joint(NamedTuple):
         Estimate of the relative parameters η.
     X : (> n, lanes) array
         States and output, with derivatives with respect to ξ at the start of the sample.
+    drift : (p, p) array
+        Covariance W that θ gains in every sample.
+    lower, upper : (p,) arrays
+        Bounds of η.
     P : (m, w) array
         Covariance of ξ; rows are padded with zeros.
     G, GP : (n+1, m), (n+1, w) arrays
         Derivative ∂[x⁺; y⁺]/∂ξ, and its product with P.
     gain : (m,) array
         Gain K, multiplied by √S.
-    drift : (p, p) array
-        Covariance W that θ gains in every sample.
-    ceiling, lower, upper : (p,) arrays
-        Largest variances of η, and bounds of η.
+    ceiling : (p,) array
+        Largest variances of η.
     """
 
     now: Annotated[NDArray[np.void], NUMBERS, 1]
     axis: Axis
     theta: Vector
     X: Matrix
+    drift: Matrix
+    lower: Vector
+    upper: Vector
     P: Matrix
     G: Matrix
     GP: Matrix
     gain: Vector
-    drift: Matrix
     ceiling: Vector
-    lower: Vector
-    upper: Vector
 
 
 def joint_arrays(design: Design, *, rests: bool = False, **more: float) -> dict[str, NDArray]:
@@ -69,42 +70,35 @@ def joint_arrays(design: Design, *, rests: bool = False, **more: float) -> dict[
     ----------
     design : Design
     rests : bool
-        Option of `flexaxis.estimators.filters.noise.level`.
+        Whether R is updated with every changed reading, even at rest. Only an encoder repeats
+        readings.
     **more
         Values of further scalar variables.
     """
     p, n = len(design.theta0), design.model.states
-    m, w = p + n, padded(p + n)
-    axis, X = on_lanes(design, 1 + m)
-    P = np.zeros((m, w))
+    m, w, counts = p + n, padded(p + n), design.output == "angle"
+    arrays = first_arrays(design, 1 + m, counts=counts, rests=rests or counts, **more)
+    P, X = np.zeros((m, w)), arrays["X"]
     P[:p, :p], P[p:, p:m] = design.P0, design.x0_covariance
     X[:n, 1 + p : 1 + m] = np.eye(n)
     X[-1, 1 + p : 1 + m] = design.model.blocks(design.theta0)[0, -1, :n]
-    return (
-        {"now": numbers(NUMBERS, level(design, rests=rests) | more)}
-        | axis
-        | {
-            "theta": design.theta0,
-            "X": X,
-            "P": P,
-            "G": np.zeros((n + 1, m)),
-            "GP": np.zeros((n + 1, w)),
-            "gain": np.zeros(m),
-            "drift": design.drift,
-            "ceiling": np.ones(p),
-            "lower": design.lower,
-            "upper": design.upper,
-        }
-    )
+    return arrays | {
+        "P": P,
+        "G": np.zeros((n + 1, m)),
+        "GP": np.zeros((n + 1, w)),
+        "gain": np.zeros(m),
+        "ceiling": np.ones(p),
+    }
 
 
 @inlined
 def predict(state, u, laws):
     """Predict ξ over a sample with u held, with derivatives by the ξ at the start of the sample."""
     X, p = state.X, len(state.lower)
-    for i in range(len(state.gain) - p):
-        for j in range(1, 1 + len(state.gain)):
-            X[i, j] = 1.0 if j == 1 + p + i else 0.0
+    n = len(state.gain) - p
+    X[:n, 1:] = 0.0
+    for i in range(n):
+        X[i, 1 + p + i] = 1.0
     over_sample(state.axis, state.theta, X, u, laws)
 
 
@@ -137,33 +131,28 @@ def update(state, y, noise):
 
     S = hᵀPh + R, K = F P h/S, ξ ← ξ⁺ + K (y − y⁺), P ← F P Fᵀ + W − K S Kᵀ.
     """
-    P, X, gain, theta, W = state.P, state.X, state.gain, state.theta, state.drift
-    G, GP = state.G, state.GP
-    p, n = len(state.lower), len(G) - 1
-    now, measured = state.now[0], not np.isnan(y)
-    root = 1.0 / np.sqrt(now["spread"] + noise) if measured else 0.0
+    P, X, gain, theta, G, GP = state.P, state.X, state.gain, state.theta, state.G, state.GP
+    p, n, now = len(state.lower), len(G) - 1, state.now[0]
     for a in range(p):
-        gain[a] = root * GP[n, a]
-    for i in range(n):
-        gain[p + i] = root * _dot(GP[i], G[n])
-    for a in range(p):
-        for b in range(a + 1):
-            P[a, b] = P[b, a] = P[a, b] + W[a, b] - gain[a] * gain[b]
-    for i in range(n):
-        a = p + i
         for b in range(p):
-            P[a, b] = P[b, a] = GP[i, b] - gain[a] * gain[b]
+            P[a, b] += state.drift[a, b]
+    for i in range(n):
+        for b in range(p):
+            P[p + i, b] = P[b, p + i] = GP[i, b]
         for j in range(i + 1):
-            b = p + j
-            P[a, b] = P[b, a] = _dot(GP[i], G[j]) - gain[a] * gain[b]
+            P[p + i, p + j] = P[p + j, p + i] = _dot(GP[i], G[j])
     driven = p + int(now["driven"])
     P[driven, driven] += now["torque_noise"]
-    if measured:
+    if not np.isnan(y):
+        root = 1.0 / np.sqrt(now["spread"] + noise)
         innovation = (y - X[-1, 0]) * root
         for i in range(p):
+            gain[i] = root * GP[n, i]
             theta[i] += gain[i] * innovation
         for i in range(n):
+            gain[p + i] = root * _dot(GP[i], G[n])
             X[i, 0] += gain[p + i] * innovation
+        subtract(P, gain, 1.0)
     bound(P, state.ceiling)
     project(theta, state.lower, state.upper)
 

@@ -21,14 +21,11 @@ the rounding of an encoder with the count q; q is the smallest step between two 
 from math import erf, exp, pi, sqrt
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from flexaxis.estimators.filters.design import Design
-from flexaxis.estimators.filters.fault_monitor import is_stuck, monitor_numbers
+from flexaxis.estimators.filters.fault_monitor import is_stuck
+from flexaxis.estimators.filters.state import KNOWN, is_known
 from flexaxis.estimators.models.compiler import inlined
 
-MEMORY = 2.0  # s, memory of R; with 400 samples at 5 ms R has a relative standard deviation of 5 %
-KNOWN = 50.0  # samples after which R is accurate enough (20 %) to detect outliers
 CLIP = 3.0  # standard deviations to which innovations are clipped before R is updated
 SURE = 2.0  # R is at most twice the mean over the last KNOWN samples (7 standard deviations)
 SMOOTH = 0.25  # squared differences divided by squares: 1 ± 0.2 for white noise. If the ratio is
@@ -53,30 +50,6 @@ def clipped_variance(clip: float) -> float:
 CONSISTENCY = clipped_variance(CLIP)
 
 
-def level(design: Design, *, rests: bool = False) -> dict[str, ArrayLike]:
-    """
-    Return the initial values for `judge`; R is learnt if the design does not specify the noise.
-
-    Parameters
-    ----------
-    design : Design
-    rests : bool
-        Whether R is updated with every changed reading, even at rest. Only an encoder repeats
-        readings.
-    """
-    counts = design.output == "angle"
-    return monitor_numbers(design.period) | {
-        "counts": float(counts),
-        "known": float(design.noise > 0),
-        "memory": max(MEMORY / design.period, KNOWN),
-        "rests": float(rests or counts),
-        "prediction": np.nan,
-        "innovation": np.nan,
-        "innovation_variance": np.nan,
-        "noise": design.noise**2,
-    }
-
-
 @inlined
 def judge(state, y, valid, prediction, spread):
     """
@@ -95,7 +68,7 @@ def judge(state, y, valid, prediction, spread):
     state["prediction"], state["innovation"] = origin + prediction, np.nan
     state["innovation_variance"] = S if noise > 0.0 else np.nan
     fresh = y != state["reading"]
-    judged = state["samples"] >= KNOWN or state["known"] > 0.0
+    judged = is_known(state)
     if not valid:
         state["reading"] = np.nan
     elif is_stuck(state, y, origin + prediction, S if judged else spread + state["earlier"]):
@@ -110,11 +83,13 @@ def judge(state, y, valid, prediction, spread):
         state["anchored"] = 1.0
         return prediction
     if noise <= 0.0:
-        nothing = not fresh or e**2 + spread == 0.0 if state["rests"] > 0.0 else prediction == 0.0
-        if nothing:
-            return np.nan
-        exact = state["first_torque_noise"] > 0.0  # then P holds what is unknown of the state
-        _begin(state, state["rounding"] if exact else max(e**2 + spread, state["rounding"]))
+        if not fresh or e**2 + spread == 0.0 if state["rests"] > 0.0 else prediction == 0.0:
+            return np.nan  # nothing is known of R yet
+        square = state["rounding"]
+        if state["first_torque_noise"] == 0.0:  # else P holds what is unknown of the state
+            square = max(square, e**2 + spread)
+        state["noise"], state["samples"] = square, 1.0
+        state["levels"][:] = square
         return y - origin
     sd = np.sqrt(S)
     if _is_wild(state, e, sd, judged):
@@ -161,14 +136,6 @@ def _is_wild(state, e, sd, judged):
 
 
 @inlined
-def _begin(state, square):
-    """Initialise R with the square of the first sample."""
-    state["noise"], state["samples"] = square, 1.0
-    for i in range(4):
-        state["levels"][i] = square
-
-
-@inlined
 def _roughness(past, e):
     """Return (e − 3e₁ + 3e₂ − e₃)²/20 with the three previous innovations, and store e."""
     rough = (e - 3.0 * past[0] + 3.0 * past[1] - past[2]) ** 2 / 20.0
@@ -186,18 +153,18 @@ def _learn(state, spread, square, rough):
     if state["samples"] < KNOWN and state["first_torque_noise"] == 0.0:
         scale = 1.0  # keep R large, so that no sample has too much weight
     count = state["samples"] = min(state["samples"] + 1.0, state["memory"])
-    levels[2] += (rest + scale * square - levels[2]) / min(count, KNOWN)
-    if rough >= 0.0:  # not NaN, as after a gap
-        levels[3] += (rest + scale * rough - levels[3]) / min(count, KNOWN)
-    if count > KNOWN:
-        square = min(square, CLIP**2 * S) / CONSISTENCY
-        rough = min(rough, CLIP**2 * S) / CONSISTENCY
-        if levels[3] < SMOOTH * levels[2]:
-            count *= SLOWER
-    levels[0] += (rest + scale * square - levels[0]) / count
-    if rough >= 0.0:
-        levels[1] += (rest + scale * rough - levels[1]) / count
+    settled, squares = count > KNOWN, (square, rough)
     for i in range(2):
+        if squares[i] >= 0.0:  # not NaN, as the second is after a gap
+            levels[2 + i] += (rest + scale * squares[i] - levels[2 + i]) / min(count, KNOWN)
+    if settled and levels[3] < SMOOTH * levels[2]:
+        count *= SLOWER
+    for i in range(2):
+        value = squares[i]
+        if settled:
+            value = min(value, CLIP**2 * S) / CONSISTENCY
+        if value >= 0.0:
+            levels[i] += (rest + scale * value - levels[i]) / count
         levels[i] = min(levels[i], SURE * levels[2])
     state["noise"] = min(levels[0], levels[1])
 

@@ -12,19 +12,25 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.filters.design import Design, at_least_zero
+from flexaxis.estimators.filters.design import Design, above_zero, at_least_zero
 from flexaxis.estimators.filters.fault_monitor import (
     HEEDS_LOST,
     HEEDS_NOTHING,
     check_residual,
     is_stuck,
-    monitor_numbers,
 )
-from flexaxis.estimators.filters.noise import FINEST, KNOWN, MEMORY, clipped_variance
-from flexaxis.estimators.filters.state import NUMBERS, bound, on_lanes, project
+from flexaxis.estimators.filters.noise import FINEST, clipped_variance
+from flexaxis.estimators.filters.state import (
+    KNOWN,
+    NUMBERS,
+    bound,
+    first_arrays,
+    is_known,
+    project,
+    subtract,
+)
 from flexaxis.estimators.models.compiler import inlined
-from flexaxis.estimators.models.memory import Matrix, Memory, Vector, numbers
+from flexaxis.estimators.models.memory import Matrix, Memory, Vector
 from flexaxis.estimators.models.series import Axis
 
 Array = NDArray[np.float64]
@@ -56,39 +62,37 @@ class Recursion(NamedTuple):
         Estimate of the relative parameters η.
     X : (n+1, lanes) array
         States and output, with derivatives.
-    P, claim : (p, p) arrays
-        Matrices P and Σ.
-    psi, gain, moved, reach : (p,) arrays
-        Gradient ψ, the product Pψ, the previous estimate and then its change, and the product Σψ.
-    granted : (p,) array
-        Values up to which the diagonal of P may exceed the ceiling after a reset of P.
     drift : (p, p) array
         Covariance Δ that P gains in every sample.
-    regularization : (p,) array
-        Weights μ.
     lower, upper : (p,) arrays
         Bounds of the estimate.
-    floor, early : (p,) arrays
-        Values that the diagonal of P may always reach, and its upper limits while R̂ is unknown.
+    P, claim : (p, p) arrays
+        Matrices P and Σ.
+    psi, gain, before, reach : (p,) arrays
+        Gradient ψ, the product Pψ, the previous estimate, and the product Σψ.
+    prior, granted : (p,) arrays
+        Diagonal of P(0), and values up to which the diagonal of P may exceed the ceiling after a
+        reset of P.
+    regularization : (p,) array
+        Weights μ.
     """
 
     now: Annotated[NDArray[np.void], NUMBERS, 1]
     axis: Axis
     theta: Vector
     X: Matrix
+    drift: Matrix
+    lower: Vector
+    upper: Vector
     P: Matrix
     claim: Matrix
     psi: Vector
     gain: Vector
-    moved: Vector
+    before: Vector
     reach: Vector
+    prior: Vector
     granted: Vector
-    drift: Matrix
     regularization: Vector
-    lower: Vector
-    upper: Vector
-    floor: Vector
-    early: Vector
 
 
 def recursion(
@@ -116,109 +120,92 @@ def recursion(
         Values of further scalar variables, such as the options of a rule of forgetting.
     """
     at_least_zero("robust", robust, "standard deviations, such as 3, or 0 for never")
-    if not (isinstance(ceiling, int | float) and ceiling > 0):
-        raise EstimatorError(f"ceiling is {ceiling!r}; give a variance above 0, relative to θ(0)²")
-    p, P0 = len(design.theta0), design.P0
-    variances, nothing = np.diag(P0), np.zeros(p)
-    heeds = HEEDS_LOST if robust > 0 else HEEDS_NOTHING
-    now = monitor_numbers(design.period, heeds) | {
-        "forgetting": design.forgetting,
-        "memory": max(MEMORY / design.period, KNOWN),
-        "known": float(design.noise > 0),
-        "correct": float(correct),
-        "clip": float(robust),
-        "consistency": clipped_variance(robust) if robust else 1.0,
-        "largest": float(ceiling),
-        "epsilon": np.nan,
-        "scale": 1.0,
-        "variance": np.nan,
-        "noise": design.noise**2 if design.noise else 1.0,
-        "quiet": 1.0,
-    }
-    axis, X = on_lanes(design, 1 + p)
+    if ceiling != np.inf:
+        above_zero("ceiling", ceiling, "a variance relative to θ(0)², or infinity")
+    p, P0, prior = len(design.theta0), design.P0, np.diag(design.P0)
+    arrays = first_arrays(
+        design,
+        1 + p,
+        heeds=HEEDS_LOST if robust > 0 else HEEDS_NOTHING,
+        forgetting=design.forgetting,
+        correct=correct,
+        clip=robust,
+        consistency=clipped_variance(robust) if robust else 1.0,
+        largest=ceiling,
+        scale=1.0,
+        noise=design.noise**2 or 1.0,
+        quiet=1.0,
+        **more,
+    )
     return Memory(
-        {"now": numbers(NUMBERS, now | more)}
-        | axis
-        | {
-            "theta": design.theta0,
-            "X": X,
-            "P": P0,
-            "claim": P0,
-            "psi": nothing,
-            "gain": nothing,
-            "moved": nothing,
-            "reach": nothing,
-            "granted": GRANTED * variances,
-            "drift": design.drift,
-            "regularization": design.regularization,
-            "lower": design.lower,
-            "upper": design.upper,
-            "floor": GRANTED * variances,
-            "early": np.full(p, np.inf) if np.isinf(ceiling) else EARLY * variances,
-        }
+        arrays
+        | {"P": P0, "claim": P0}
+        | dict.fromkeys(("psi", "gain", "before", "reach"), np.zeros(p))
+        | {"prior": prior, "granted": GRANTED * prior, "regularization": design.regularization}
     )
 
 
 @inlined
 def measure(state, y, valid):
-    """Perform the measurement update of η, P and Σ, eq. (5)–(7), and project η on the box."""
-    now = state.now[0]
-    theta, psi, gain, moved = state.theta, state.psi, state.gain, state.moved
-    p = len(theta)
-    for i in range(p):
-        psi[i] = state.X[-1, 1 + i]
-        moved[i] = theta[i]
-    now["expected"] = state.X[-1, 0]
-    now["epsilon"] = now["variance"] = np.nan
+    """
+    Perform the measurement update of η, P and Σ, eq. (5)–(7), and project η on the box.
+
+    If the filter corrects its state, state and output follow the change of θ, x ← x + z Δθ.
+    """
+    now, theta, psi = state.now[0], state.theta, state.psi
+    gain, reach, before = state.gain, state.reach, state.before
+    for i in range(len(theta)):
+        psi[i], before[i] = state.X[-1, 1 + i], theta[i]
+    now["prediction"] = state.X[-1, 0]
+    now["innovation"] = now["innovation_variance"] = np.nan
     if valid:
         now["scale"] = 1.0 + form(state.P, psi, gain)
         valid = not (now["clip"] > 0.0 and _sticks(now, y))
     else:
         now["reading"] = np.nan
     if valid:
-        now["epsilon"] = y - now["expected"]
+        now["innovation"] = y - now["prediction"]
         weight = 1.0 / now["scale"]
-        spread = 1.0 + form(state.claim, psi, state.reach)
+        spread = 1.0 + form(state.claim, psi, reach)
         now["quiet"] = now["noise"]
-        judged = now["samples"] >= KNOWN or now["known"] > 0.0
-        if judged or now["samples"] > 0.0:
-            now["variance"] = now["noise"] * spread
-        surprise = _limited(now, judged)
-        now["surprise"] = surprise
-        for i in range(p):
+        if is_known(now) or now["samples"] > 0.0:
+            now["innovation_variance"] = now["noise"] * spread
+        now["surprise"] = surprise = _limited(now)
+        for i in range(len(theta)):
             theta[i] += gain[i] * (surprise * weight)
         subtract(state.P, gain, weight)
-        _carry(state.claim, gain, weight, state.reach, spread)
+        # with r = Σψ and s = 1 + ψᵀr, the new Σ is Σ − r rᵀ/s + s (K − r/s) (K − r/s)ᵀ
+        subtract(state.claim, reach, 1.0 / spread)
+        for i in range(len(theta)):
+            reach[i] = gain[i] * weight - reach[i] / spread
+        subtract(state.claim, reach, -spread)
         excited = _learn(now, psi, surprise**2 / spread)
         if excited and now["heeds"] < HEEDS_NOTHING:
-            check_residual(now, y, now["epsilon"])
+            check_residual(now, y, now["innovation"])
     project(theta, state.lower, state.upper)
-    for i in range(p):
-        moved[i] = theta[i] - moved[i]
+    for j in range(len(theta) if now["correct"] > 0.0 else 0):
+        for i in range(len(state.X)):
+            state.X[i, 0] += state.X[i, 1 + j] * (theta[j] - before[j])
 
 
 @inlined
-def _limited(now, judged):
+def _limited(now):
     """Return the residual, clipped to the largest size allowed for a single sample."""
-    surprise = now["epsilon"]
-    if now["clip"] > 0.0 and (judged or now["samples"] > 0.0):
+    surprise = now["innovation"]
+    if now["clip"] > 0.0 and not np.isnan(now["innovation_variance"]):
         finest = max(now["noise"], LINEAR**2 * now["signal"])
         limit = now["clip"] * np.sqrt(finest * now["scale"])
-        if not judged:  # R̂ is the mean of only a few samples and still inaccurate
+        if not is_known(now):  # R̂ is the mean of only a few samples and still inaccurate
             limit *= (KNOWN / now["samples"]) ** 2
-        if surprise > limit:
-            surprise = limit
-        elif surprise < -limit:
-            surprise = -limit
+        surprise = min(max(surprise, -limit), limit)
     return surprise
 
 
 @inlined
 def _sticks(now, y):
     """Return whether to ignore y because the sensor is stuck or the filter has to be reset."""
-    known = now["samples"] >= KNOWN or now["known"] > 0.0
-    noise = now["noise"] if known else now["earlier"]
-    if is_stuck(now, y, now["expected"], noise * now["scale"]):
+    noise = now["noise"] if is_known(now) else now["earlier"]
+    if is_stuck(now, y, now["prediction"], noise * now["scale"]):
         return True
     if not np.isfinite(now["scale"]):  # ψ or ψᵀPψ is not finite: the filter is lost
         now["anew"] = 2.0
@@ -231,8 +218,6 @@ def form(P, psi, gain):
     total = 0.0
     for i in range(len(psi)):
         gain[i] = 0.0
-        if P[i, i] == 0.0:  # the whole row is zero: this parameter is currently not estimated
-            continue
         for j in range(len(psi)):
             gain[i] += P[i, j] * psi[j]
         total += psi[i] * gain[i]
@@ -257,7 +242,7 @@ def _learn(now, psi, square):
     excited = excitation > (ASLEEP * now["noise"] if now["samples"] > 0.0 else 0.0)
     if excited:
         now["samples"] = min(now["samples"] + 1.0, now["memory"])
-        now["signal"] += (now["expected"] ** 2 - now["signal"]) / now["samples"]
+        now["signal"] += (now["prediction"] ** 2 - now["signal"]) / now["samples"]
         if now["known"] <= 0.0:
             square /= now["consistency"]
             now["noise"] += (square - now["noise"]) / now["samples"]
@@ -266,37 +251,8 @@ def _learn(now, psi, square):
 
 
 @inlined
-def _carry(claim, gain, weight, spread, scale):
-    """Update Σ ← (I − Kψᵀ) Σ (I − Kψᵀ)ᵀ + K Kᵀ from ``gain`` = Pψ, Σψ and ``scale`` = 1 + ψᵀΣψ."""
-    for i in range(len(gain)):
-        a = gain[i] * weight
-        if a == 0.0 and spread[i] == 0.0:
-            continue
-        for j in range(i + 1):
-            b = gain[j] * weight
-            claim[i, j] += scale * a * b - a * spread[j] - spread[i] * b
-            claim[j, i] = claim[i, j]
-
-
-@inlined
-def correct_state(state):
-    """Correct state and output for the change of θ, x ← x + z Δθ, if the filter does so."""
-    X, moved = state.X, state.moved
-    for i in range(len(X) if state.now[0]["correct"] > 0.0 else 0):
-        for j in range(len(moved)):
-            X[i, 0] += X[i, 1 + j] * moved[j]
-
-
-@inlined
-def time_update(state):
-    """Perform the time update of P, eq. (9) or (10), and regularise P, eq. (12)."""
-    # the gain is no longer needed: reuse its memory
-    grow(state.P, state.gain, state.now[0]["forgetting"], state.drift, state.regularization)
-
-
-@inlined
 def grow(P, column, forgetting, drift, regularization):
-    """Do the same for a matrix P (p, p), with memory (p,) for a column."""
+    """Update P (p, p) in time, eq. (9) or (10), and regularise P, (12); overwrite a column (p,)."""
     p = len(P)
     for i in range(p):
         for j in range(p):
@@ -316,35 +272,15 @@ def bound_P(state):
 
     After a reset P may be larger, until the data have reduced P again.
     """
-    now = state.now[0]
-    P, granted, most = state.P, state.granted, state.gain  # reuse the memory of the gain
-    early = now["samples"] < KNOWN and now["known"] <= 0.0
+    now, P, prior = state.now[0], state.P, state.prior
+    granted, most = state.granted, state.gain  # reuse the memory of the gain
+    ceiling = now["largest"] / now["noise"]
+    early = ceiling < np.inf and not is_known(now)
     for i in range(len(P)):
-        ceiling = state.early[i] if early else now["largest"] / now["noise"]
-        most[i] = max(ceiling, granted[i])
+        most[i] = max(EARLY * prior[i] if early else ceiling, granted[i])
         if P[i, i] < granted[i]:
-            granted[i] = max(P[i, i], state.floor[i])
+            granted[i] = max(P[i, i], GRANTED * prior[i])
     bound(P, most)
-
-
-@inlined
-def publish(state, k, estimates, trace):
-    """Write θ[k], and ŷ[k], the innovation and its variance."""
-    now = state.now[0]
-    for i in range(estimates.shape[1]):
-        estimates[k, i] = state.theta[i]
-    trace[k, 0] = now["expected"]
-    trace[k, 1] = now["epsilon"]
-    trace[k, 2] = now["variance"]
-
-
-@inlined
-def subtract(P, v, w):
-    """Compute P ← P − w v vᵀ for one triangle and mirror the result, so that P stays symmetric."""
-    for i in range(len(P)):
-        for j in range(i + 1):
-            P[i, j] -= w * v[i] * v[j]
-            P[j, i] = P[i, j]
 
 
 def read_claim(state: Memory) -> tuple[Array, Array]:

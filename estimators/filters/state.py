@@ -1,13 +1,20 @@
 """Parts that all filters have in common: scalar variables, model and states, bounds on P and θ."""
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.filters.design import Design
 from flexaxis.estimators.models.compiler import inlined
 from flexaxis.estimators.models.discretisation import plan
+from flexaxis.estimators.models.memory import numbers
 from flexaxis.estimators.models.rows import padded
 from flexaxis.estimators.models.series import axis_arrays
+
+MEMORY = 2.0  # s, memory of R; with 400 samples at 5 ms R has a relative standard deviation of 5 %
+KNOWN = 50.0  # samples after which R is accurate enough (20 %) to detect outliers
+ASTRAY_MEMORY = 2.0  # s, memory of the means by which a lost filter is detected
+PATIENCE = 5.0  # time until a filter counts as lost, relative to this memory: ten time constants
+UNKNOWN = 1.0  # s, time after which an error of the state has decayed
 
 _TUNING = (
     "forgetting",  # λ
@@ -56,17 +63,13 @@ _MONITOR = (
     "waits",  # remaining samples that are ignored after a reset during motion
 )
 _PREDICTION_ERROR = (
-    "expected",  # ŷ of the last sample
-    "epsilon",
     "surprise",  # clipped residual
     "scale",  # 1 + ψᵀPψ of the last measurement
-    "variance",  # variance of the innovation
     "quiet",  # R̂ before the last measurement
     "signal",  # mean square of ŷ
 )
 _JOINT = (
     "spread",  # hᵀPh
-    "output",  # ŷ of a mode
     "probability",  # probability of a mode
     "predicted",  # probability of a mode, predicted before the sample is used
     "logarithm",  # logarithm of the likelihood of a mode
@@ -82,28 +85,48 @@ NUMBERS = np.dtype(
     ]
 )
 """All scalars of a filter in one record of fixed type: tuning values and variables."""
+_UNSET = "prediction", "innovation", "innovation_variance", "reading", "rails", "earlier"
 
 
-def on_lanes(design: Design, width: int) -> tuple[dict[str, NDArray], NDArray[np.float64]]:
+def first_arrays(design: Design, width: int, **more: ArrayLike) -> dict[str, NDArray]:
     """
-    Return the arrays of a filter's model, and the states of the model with their derivatives.
+    Return the arrays that all filters have in common, before the first sample, by name.
+
+    The axis is at rest. R is learnt if the design does not specify the noise.
 
     Parameters
     ----------
     design : Design
     width : int
         Number of values for each state: the state itself and its derivatives.
-
-    Returns
-    -------
-    axis : dict of str to array
-        Arrays from `flexaxis.estimators.models.series.axis_arrays`.
-    X : (n+1, lanes) array
-        States and output with derivatives; all zero, for an axis at rest.
+    **more
+        Values of further scalar variables.
     """
-    model, lanes = design.model, padded(width)
-    steps = plan(model, design.lower, design.upper, design.period)
-    return axis_arrays(model, steps, design.period, lanes), np.zeros((model.n + 1, lanes))
+    model, lanes, period = design.model, padded(width), design.period
+    now = {
+        "known": design.noise > 0,
+        "noise": design.noise**2,
+        "memory": max(MEMORY / period, KNOWN),
+        "astray_memory": ASTRAY_MEMORY / period,
+        "unknown": round(UNKNOWN / period),
+        "patience": PATIENCE,
+    }
+    steps = plan(model, design.lower, design.upper, period)
+    return {
+        "now": numbers(NUMBERS, dict.fromkeys(_UNSET, np.nan) | now | more),
+        **axis_arrays(model, steps, period, lanes),
+        "theta": design.theta0,
+        "X": np.zeros((model.n + 1, lanes)),
+        "drift": design.drift,
+        "lower": design.lower,
+        "upper": design.upper,
+    }
+
+
+@inlined
+def is_known(now):
+    """Return whether R is specified, or was learnt from enough samples."""
+    return now["samples"] >= KNOWN or now["known"] > 0.0
 
 
 @inlined
@@ -121,7 +144,13 @@ def bound(P, ceiling):
 def project(theta, lower, upper):
     """Project the first elements of θ on the box."""
     for i in range(len(lower)):
-        if theta[i] < lower[i]:  # min and max would hide a NaN
-            theta[i] = lower[i]
-        elif theta[i] > upper[i]:
-            theta[i] = upper[i]
+        theta[i] = np.minimum(np.maximum(theta[i], lower[i]), upper[i])  # NaN remains NaN
+
+
+@inlined
+def subtract(P, v, w):
+    """Compute P ← P − w v vᵀ for one triangle and mirror the result, so that P stays symmetric."""
+    for i in range(len(P)):
+        for j in range(i + 1):
+            P[i, j] -= w * v[i] * v[j]
+            P[j, i] = P[i, j]

@@ -74,8 +74,6 @@ class Glr(RecursiveEstimator):
         Number of cogging waves per turn that were found; 0 for none.
     """
 
-    _shared = (*RecursiveEstimator._shared, "_plain", "_rich")
-
     def __init__(
         self,
         design: Design,
@@ -92,8 +90,7 @@ class Glr(RecursiveEstimator):
         richer: "Glr | None" = None,
     ) -> None:
         names = design.model.names
-        lower, upper = design.bounds
-        super().__init__(names[:tracked], design.output, (lower[:tracked], upper[:tracked]))
+        super().__init__(names[:tracked], design.output)
         values = {
             names.index(name): value / design.scale[names.index(name)]
             for group in told
@@ -171,9 +168,6 @@ class Glr(RecursiveEstimator):
     @property
     def hypotheses(self) -> dict[str, Array]:  # noqa: D102
         return self._work.hypotheses()
-
-    def __deepcopy__(self, memo: object) -> "Glr":
-        return self.copy()
 
     def _take(
         self, u: Array, y: Array, valid: NDArray[np.bool_], estimates: Array, trace: Array

@@ -4,6 +4,7 @@ from flexaxis.estimators.filters.design import Design
 from flexaxis.estimators.filters.fault_monitor import HEEDS_NOTHING
 from flexaxis.estimators.filters.filter import CompiledFilter
 from flexaxis.estimators.filters.joint import joint_arrays, read_joint
+from flexaxis.estimators.methods import loops
 from flexaxis.estimators.models.memory import Memory
 from flexaxis.estimators.problem import Problem
 from flexaxis.estimators.registry import Entry
@@ -33,7 +34,7 @@ def joint_ekf(design: Design) -> CompiledFilter:
         design. If the design does not specify the noise, R = σ² is learnt from the innovations.
     """
     start = Memory(joint_arrays(design, heeds=HEEDS_NOTHING))
-    return CompiledFilter("flexaxis.estimators.methods.loops:ekf", start, design, read_joint)
+    return CompiledFilter(loops.ekf, start, design, read_joint)
 
 
 def _extended(

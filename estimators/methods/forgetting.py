@@ -16,10 +16,10 @@ with a memory of 2 s, which represents the noise. Over shorter times they are ex
 """
 
 from flexaxis.estimators.filters.design import above_zero
-from flexaxis.estimators.filters.filter import CompiledFilter
-from flexaxis.estimators.filters.forgetting import CUSUM, VARIABLE, forgetful_filter
-from flexaxis.estimators.filters.noise import KNOWN
+from flexaxis.estimators.filters.forgetting import CUSUM, VARIABLE
 from flexaxis.estimators.filters.prediction_error import CALM, CEILING, ROBUST
+from flexaxis.estimators.filters.state import KNOWN
+from flexaxis.estimators.methods.rpem import Rpem
 from flexaxis.estimators.problem import Problem
 from flexaxis.estimators.registry import Entry
 
@@ -34,7 +34,7 @@ def _cusum_reset(
     level: float = 10.0,
     robust: float = ROBUST,
     ceiling: float = CEILING,
-) -> CompiledFilter:
+) -> Rpem:
     """
     Make the prediction-error method with a reset of P by a CUSUM.
 
@@ -49,18 +49,20 @@ def _cusum_reset(
     robust, ceiling
         Options of `flexaxis.estimators.Rpem`.
     """
-    design = problem.forgetting_design("cusum-reset", forgetting)
-    above_zero("level", level, "an alarm threshold in nats")
-    return forgetful_filter(
-        design,
-        CUSUM,
+    rule = {
+        "rule": CUSUM,
+        "reset": above_zero("reset", reset, "a standard deviation relative to θ(0)") ** 2,
+        "level": above_zero("level", level, "an alarm threshold in nats"),
+        "first": max(FIRST / problem.period, KNOWN),
+        "next": NEXT / problem.period,
+    }
+    return Rpem(
+        problem.model,
+        **problem.forgetting_options("cusum-reset", forgetting),
+        state_correction=True,  # P is large after an alarm: the state follows the changes of θ
         robust=robust,
         ceiling=ceiling,
-        correct=True,  # P is large after an alarm, so the state has to follow the changes of θ
-        reset=above_zero("reset", reset, "a standard deviation relative to θ(0)") ** 2,
-        level=level,
-        first=max(FIRST / problem.period, KNOWN),
-        next=NEXT / problem.period,
+        rule=rule,
     )
 
 
@@ -75,7 +77,7 @@ def _variable_forgetting(
     level: float = 2.0,
     robust: float = ROBUST,
     ceiling: float = CALM,
-) -> CompiledFilter:
+) -> Rpem:
     """
     Make the prediction-error method with a variable forgetting factor.
 
@@ -88,18 +90,15 @@ def _variable_forgetting(
     robust, ceiling
         Options of `flexaxis.estimators.Rpem`.
     """
-    design = problem.forgetting_design("variable-forgetting", forgetting)
-    above_zero("level", level, "a ratio of standard deviations")
-    return forgetful_filter(
-        design,
-        VARIABLE,
-        robust=robust,
-        ceiling=ceiling,
-        level=level,
-        short=max(SHORT / problem.period, 2.0),
-        long=max(LONG / problem.period, 2.0),
-        least=max(1 - problem.period / FASTEST, 0.5),
-    )
+    rule = {
+        "rule": VARIABLE,
+        "level": above_zero("level", level, "a ratio of standard deviations"),
+        "short": max(SHORT / problem.period, 2.0),
+        "long": max(LONG / problem.period, 2.0),
+        "least": max(1 - problem.period / FASTEST, 0.5),
+    }
+    options = problem.forgetting_options("variable-forgetting", forgetting)
+    return Rpem(problem.model, **options, robust=robust, ceiling=ceiling, rule=rule)
 
 
 ENTRIES = (

@@ -8,6 +8,7 @@ from flexaxis.estimators.filters.design import Design, above_zero, finite_vector
 from flexaxis.estimators.filters.filter import CompiledFilter
 from flexaxis.estimators.filters.interacting_models import modes_of, read_mixture
 from flexaxis.estimators.filters.joint import joint_arrays
+from flexaxis.estimators.methods import loops
 from flexaxis.estimators.problem import Problem
 from flexaxis.estimators.registry import Entry
 
@@ -58,15 +59,13 @@ def joint_imm(
             f"rate is {rate} and hold is {hold}; with a period of {period} s the rate must lie "
             f"between 0 and {1 / period:g} 1/s, and hold must exceed the period"
         )
-    variances = finite_vector("jump", jump, p)
-    if not (variances >= 0).all():
-        raise EstimatorError(f"jump is {jump!r}; give variances that are not negative")
+    variances = finite_vector("jump", jump, p) / design.scale**2
     start = modes_of(joint_arrays(design, stay=1 - period / hold), 1 + p)
     start["stay"][0] = 1 - rate * period
-    for i, variance in enumerate(variances / design.scale**2):
-        start["drift"][1 + i, i, i] += variance
+    which = np.arange(p)
+    start["drift"][1 + which, which, which] += variances
     start["probability"][0] = start["predicted"][0] = 1.0
-    return CompiledFilter("flexaxis.estimators.methods.loops:imm", start, design, read_mixture)
+    return CompiledFilter(loops.imm, start, design, read_mixture)
 
 
 def _imm(

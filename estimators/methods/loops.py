@@ -10,7 +10,6 @@ the model is linear. The compiled code then contains no laws and takes much less
 from flexaxis.estimators.filters.forgetting import forget
 from flexaxis.estimators.filters.interacting_models import (
     Modes,
-    listen,
     mix,
     mixture,
     mode,
@@ -18,14 +17,8 @@ from flexaxis.estimators.filters.interacting_models import (
 )
 from flexaxis.estimators.filters.joint import Joint, look, predict, update
 from flexaxis.estimators.filters.noise import judge, show
-from flexaxis.estimators.filters.prediction_error import (
-    Recursion,
-    bound_P,
-    correct_state,
-    measure,
-    publish,
-)
-from flexaxis.estimators.models.compiler import loop
+from flexaxis.estimators.filters.prediction_error import Recursion, bound_P, measure
+from flexaxis.estimators.models.compiler import inlined, loop
 from flexaxis.estimators.models.memory import views
 from flexaxis.estimators.models.series import over_sample
 
@@ -36,10 +29,9 @@ def rpem(block, at, u, y, valid, estimates, trace, laws):  # noqa: PLR0917
     state = views(Recursion, block, at)
     for k in range(len(u)):
         measure(state, y[k], valid[k])  # (5)–(7)
-        correct_state(state)
         forget(state, valid[k])  # (9) or (10), (12), or another rule
         bound_P(state)
-        publish(state, k, estimates, trace)
+        _publish(state, estimates[k], trace[k])
         over_sample(state.axis, state.theta, state.X, u[k], laws)  # (17)–(23)
         if state.now[0]["anew"] > state.now[0]["heeds"]:
             return -k - 1
@@ -55,11 +47,17 @@ def ekf(block, at, u, y, valid, estimates, trace, laws):  # noqa: PLR0917
         look(state)
         used = judge(now, y[k], valid[k], state.X[-1, 0], now["spread"])
         update(state, used, now["noise"])
-        for i in range(estimates.shape[1]):
-            estimates[k, i] = state.theta[i]
-        show(now, trace[k])
+        _publish(state, estimates[k], trace[k])
         predict(state, u[k], laws)
     return len(u)
+
+
+@inlined
+def _publish(state, estimates, trace):
+    """Write θ[k], and ŷ[k], the innovation and its variance."""
+    for i in range(len(estimates)):
+        estimates[i] = state.theta[i]
+    show(state.now[0], trace)
 
 
 @loop
@@ -69,16 +67,13 @@ def imm(block, at, u, y, valid, estimates, trace, laws):  # noqa: PLR0917
     now, quiet = modes.now, modes.now[0]
     for k in range(len(u)):
         for j in range(len(now)):
-            state = mode(modes, j)
-            look(state)
-            now[j]["output"] = state.X[-1, 0]
-        prediction, spread = mixture(now)
+            look(mode(modes, j))
+        prediction, spread = mixture(now, modes.X)
         used = judge(quiet, y[k], valid[k], prediction, spread)
         noise = quiet["noise"]
         for j in range(len(now)):
-            listen(now[j], used, noise)
             update(mode(modes, j), used, noise)
-        weigh(now, modes.theta, estimates[k])
+        weigh(modes, used, noise, estimates[k])
         mix(modes)
         show(quiet, trace[k])
         for j in range(len(now)):

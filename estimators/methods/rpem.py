@@ -1,6 +1,7 @@
 """The paper's recursive prediction-error method: with forgetting, and with drift."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,8 +13,7 @@ from flexaxis.estimators.filters.design import (
     flag,
     make_design,
 )
-from flexaxis.estimators.filters.filter import CompiledFilter, Trace, trace
-from flexaxis.estimators.filters.forgetting import LOOP, PAPER
+from flexaxis.estimators.filters.filter import CompiledFilter
 from flexaxis.estimators.filters.prediction_error import (
     CALM,
     CEILING,
@@ -21,11 +21,37 @@ from flexaxis.estimators.filters.prediction_error import (
     read_claim,
     recursion,
 )
+from flexaxis.estimators.methods import loops
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.problem import Problem
 from flexaxis.estimators.registry import Entry
 
 Array = NDArray[np.float64]
+
+
+class Trace(NamedTuple):
+    """
+    Internal variables of a filter over N samples.
+
+    Attributes
+    ----------
+    theta : (N, p) array
+        Estimates after each sample.
+    epsilon : (N,) array
+        Residuals y − ŷ, eq. (6).
+    psi : (N, p) array
+        Gradients of ŷ at the estimate before each sample, eq. (16).
+    P : (N, p, p) array
+        Matrices P(t+1|t), for a noise variance of one.
+    covariance : (N, p) array
+        Diagonals of the claimed covariance of the estimates.
+    """
+
+    theta: Array
+    epsilon: Array
+    psi: Array
+    P: Array
+    covariance: Array
 
 
 class Rpem(CompiledFilter):
@@ -84,13 +110,14 @@ class Rpem(CompiledFilter):
         larger one. Until R̂ is known, P_ii ≤ 100 P(0)_ii. Results are identical, to the last bit,
         unless P reaches the ceiling, for example in a long standstill. Infinite for the paper's
         original method.
+    rule : mapping of str to float, optional
+        Number of another rule of forgetting, and the options of this rule; see
+        `flexaxis.estimators.filters.forgetting`.
 
     Attributes
     ----------
     names : tuple of str
         Names of the p identified parameters.
-    bounds : tuple of arrays
-        Lower and upper bounds (p,) of θ.
     theta, psi : (p,) arrays
         Current estimate, and gradient of ŷ at the previous estimate.
     P : (p, p) array
@@ -136,6 +163,7 @@ class Rpem(CompiledFilter):
         state_correction: bool = False,
         robust: float = 0.0,
         ceiling: float = CEILING,
+        rule: Mapping[str, float] | None = None,
     ) -> None:
         design = make_design(
             model,
@@ -155,9 +183,9 @@ class Rpem(CompiledFilter):
             robust=robust,
             ceiling=ceiling,
             correct=flag("state_correction", state_correction),
-            rule=PAPER,
+            **(rule or {}),
         )
-        super().__init__(LOOP, start, design, read_claim)
+        super().__init__(loops.rpem, start, design, read_claim)
 
     @property
     def P(self) -> Array:  # noqa: D102
@@ -193,21 +221,20 @@ class Rpem(CompiledFilter):
         return float(self.state["noise"])
 
     @property
-    def signal_power(self) -> float:
-        """Mean square of ŷ, averaged with the same memory as R̂."""
-        return float(self.state["signal"])
-
-    @property
     def psi(self) -> Array:  # noqa: D102
         return self.state["psi"] / self._design.scale
 
     @property
     def epsilon(self) -> float:  # noqa: D102
-        return float(self.state["epsilon"])
+        return self.innovation
 
-    def trace(self, u: ArrayLike, y: ArrayLike, valid: ArrayLike | None = None) -> Trace:
+    def trace(self, u: Iterable[float], y: Iterable[float]) -> Trace:
         """Process samples as ``run`` does, and return residual, gradient and P of every sample."""
-        return trace(self, u, y, valid)
+        rows = [
+            (self.step(*sample), self.epsilon, self.psi, self.P, np.diag(self.covariance))
+            for sample in zip(u, y, strict=True)
+        ]
+        return Trace(*map(np.array, zip(*rows, strict=True)))
 
 
 def rpem_forgetting(
@@ -231,16 +258,13 @@ def rpem_forgetting(
     state_correction, robust, ceiling
         Options of `Rpem`.
     """
-    weight = problem.factor("rpem-forgetting", forgetting)
-    P = problem.forgetting_P(weight)
+    options = problem.forgetting_options("rpem-forgetting", forgetting)
     share = at_least_zero("regularization", regularization, "a share of the information in P(0)")
-    diagonal = np.diag(covariance_matrix("P0", P, len(problem.identify)))
+    diagonal = np.diag(covariance_matrix("P0", options["P0"], len(problem.identify)))
     return Rpem(
         problem.model,
-        **problem.asked,
-        P0=P,
-        forgetting=weight,
-        regularization=share * (1 - weight) / diagonal,
+        **options,
+        regularization=share * (1 - options["forgetting"]) / diagonal,
         state_correction=state_correction,
         robust=robust,
         ceiling=ceiling,
@@ -273,8 +297,7 @@ def rpem_drift(
     share = at_least_zero("regularization", regularization, "a share of the information in P(0)")
     axis = problem.model, problem.identify, problem.period
     drift = scale * priors.default_drift(*axis, torque=problem.torque, output=problem.output)
-    known = priors.stored_P(*axis, forgetting=None, scale=scale)
-    P = problem.initial_P(known, drift=drift)
+    P = problem.initial_P(drift=drift, scale=scale)
     diagonal = np.diag(covariance_matrix("P0", P, len(problem.identify)))
     return Rpem(
         problem.model,

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 from flexaxis.estimators.errors import EstimatorError, did_you_mean
@@ -75,10 +76,9 @@ def three_mass(nominal: Mapping[str, float]) -> Model:
     )
 
 
-BRISTLES = Law(
+_friction = partial(Law, drive={"speed_motor": 1.0}, acts={"speed_motor": "-1/J_m"})
+BRISTLES = _friction(
     "bristle",
-    drive={"speed_motor": 1.0},
-    acts={"speed_motor": "-1/J_m"},
     parameters={
         "coulomb": "f_c",
         "breakaway": "f_s",
@@ -89,17 +89,13 @@ BRISTLES = Law(
     },
 )
 """Dry friction of the motor: Coulomb or LuGre friction, depending on its parameters."""
-STATIC = Law(
+STATIC = _friction(
     "static",
-    drive={"speed_motor": 1.0},
-    acts={"speed_motor": "-1/J_m"},
     parameters={"coulomb": "f_c", "breakaway": "f_s", "alpha": "alpha", "beta": "beta"},
 )
 """The published static friction of an industrial robot's motor."""
-GEAR_FRICTION = Law(
+GEAR_FRICTION = _friction(
     "gear",
-    drive={"speed_motor": 1.0},
-    acts={"speed_motor": "-1/J_m"},
     parameters={
         "coulomb": "f_c",
         "breakaway": "f_s",
@@ -139,11 +135,11 @@ LIMIT = Law(
 """The torque limit of the drive."""
 
 
-def with_angle(model: Model) -> Model:
+def with_angle(model: Model, state: str = "angle_motor") -> Model:
     """Return a model with the motor angle, which starts at zero, as an additional state."""
     return replace(
         model,
-        states=(*model.states, "angle_motor"),
+        states=(*model.states, state),
         A=(*((*row, "0") for row in model.A), (*model.C, "0")),
         B=(*model.B, "0"),
         C=(*model.C, "0"),

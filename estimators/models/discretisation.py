@@ -127,25 +127,21 @@ def extended_system(model: Parametrization, theta: Array) -> tuple[Array, Array,
     H : (p+1, (p+1)n) array
         Output matrix of [ψ; ŷ] = H X.
     """
-    block, (p, n) = model.blocks(theta), (len(theta), model.n)
-    F, H = np.zeros(((p + 1) * n, (p + 1) * n)), np.zeros((p + 1, (p + 1) * n))
-    for i, derivative in enumerate(np.roll(block, -1, axis=0)):  # the model itself is the last
-        rows = slice(i * n, (i + 1) * n)
-        F[rows, rows], H[i, rows] = block[0, :n, :n], block[0, n, :n]
-        F[rows, -n:], H[i, -n:] = derivative[:n, :n], derivative[n, :n]
-    G = np.roll(block, -1, axis=0)[:, :n, n:].reshape(-1, 1)
-    return F, G, H
+    blocks, p, n = model.blocks(theta), len(theta), model.n
+    whole = np.multiply.outer(np.eye(p + 1), blocks[0]).swapaxes(1, 2)
+    whole[:, :, p] = np.roll(blocks, -1, axis=0)  # the model itself is the last
+    N = (p + 1) * n
+    F, H = whole[:, :n, :, :n].reshape(N, N), whole[:, n, :, :n].reshape(p + 1, N)
+    return F, whole[:, :n, p, n].reshape(N, 1), H
 
 
 def discretize(F: Array, G: Array, period: float) -> tuple[Array, Array]:
     """Return Φ and Γ of X[k+1] = Φ X[k] + Γ u[k] for an input that is held over each sample."""
     from scipy.linalg import expm  # takes a tenth of a second to import
 
-    N = len(F)
-    held = np.zeros((N + 1, N + 1))  # the input is an additional state, which is constant
-    held[:N, :N], held[:N, N:] = F, G
-    exponential = expm(held * period)
-    return exponential[:N, :N], exponential[:N, N:]
+    held = np.pad(np.hstack([F, G]), ((0, 1), (0, 0)))  # the input is a state, which is constant
+    exponential = expm(held * period)[:-1]
+    return exponential[:, :-1], exponential[:, -1:]
 
 
 def sampled_system(

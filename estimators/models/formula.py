@@ -6,7 +6,7 @@ from functools import lru_cache
 
 from flexaxis.estimators.errors import EstimatorError
 
-Powers = dict[str, int]
+Terms = list[tuple[float, dict[str, int]]]
 Monomial = tuple[float, Mapping[str, int]]
 
 
@@ -45,8 +45,8 @@ def multiply_out(entry: str) -> tuple[Monomial, ...]:
     return tuple((c, powers) for c, powers in terms if c != 0)
 
 
-def _expand(node: ast.expr) -> list[tuple[float, Powers]]:
-    terms: list[tuple[float, Powers]]
+def _expand(node: ast.expr) -> Terms:
+    terms: Terms
     match node:
         case ast.Constant(value=int() | float() as number):
             terms = [(float(number), {})]
@@ -54,26 +54,26 @@ def _expand(node: ast.expr) -> list[tuple[float, Powers]]:
             terms = [(1.0, {name: 1})]
         case ast.UnaryOp(op=ast.USub(), operand=x):
             terms = _product([(-1.0, {})], _expand(x))
-        case ast.BinOp(left=x, op=ast.Add(), right=y):
-            terms = _expand(x) + _expand(y)
-        case ast.BinOp(left=x, op=ast.Sub(), right=y):
-            terms = _expand(x) + _product([(-1.0, {})], _expand(y))
+        case ast.BinOp(left=x, op=ast.Add() | ast.Sub() as op, right=y):
+            sign = 1.0 if isinstance(op, ast.Add) else -1.0
+            terms = _expand(x) + _product([(sign, {})], _expand(y))
         case ast.BinOp(left=x, op=ast.Mult(), right=y):
             terms = _product(_expand(x), _expand(y))
         case ast.BinOp(left=x, op=ast.Div(), right=y):
-            ((c, powers),) = _expand(y)
-            terms = _product(_expand(x), [(1 / c, {k: -e for k, e in powers.items()})])
+            terms = _product(_expand(x), _power(_expand(y), -1))
         case ast.BinOp(left=x, op=ast.Pow(), right=ast.Constant(value=int() as e)):
-            ((c, powers),) = _expand(x)
-            terms = [(c**e, {k: e * p for k, p in powers.items()})]
+            terms = _power(_expand(x), e)
         case _:
             raise ValueError(node)
     return terms
 
 
-def _product(
-    left: list[tuple[float, Powers]], right: list[tuple[float, Powers]]
-) -> list[tuple[float, Powers]]:
+def _power(terms: Terms, e: int) -> Terms:
+    ((c, powers),) = terms
+    return [(c**e, {k: e * p for k, p in powers.items()})]
+
+
+def _product(left: Terms, right: Terms) -> Terms:
     return [
         (c * d, {k: e for k in p | q if (e := p.get(k, 0) + q.get(k, 0))})
         for c, p in left

@@ -44,8 +44,7 @@ def force(kind, w, s, u, h, value, local):  # noqa: PLR0917
     local : (w,) array
         Array that receives the results.
     """
-    for i in range(len(local)):
-        local[i] = 0.0
+    local[:] = 0.0
     if kind == BRISTLE:
         _bristle(w, s, h, value, local)
     elif kind == STATIC:
@@ -129,14 +128,13 @@ def _relaxation(a):
         two = (1.0 - one) / a
         one_a = (e - one) / a
         return e, one, two, one_a, -(one_a + two) / a
-    one, two, one_a, two_a, power = 0.0, 0.0, 0.0, 0.0, 1.0  # Σ (−a)^k/(k+1)!, /(k+2)!
+    two, two_a, power = 0.0, 0.0, 0.5  # φ₂ = Σ (−a)^k/(k+2)!
     for k in range(10):
-        one += power
-        two += power / (k + 2)
-        one_a -= power * (k + 1) / (k + 2)
-        two_a -= power * (k + 1) / ((k + 2) * (k + 3))
-        power *= -a / (k + 2)
-    return e, one, two, one_a, two_a
+        two += power
+        power /= k + 3
+        two_a -= (k + 1) * power
+        power *= -a
+    return e, 1.0 - a * two, two, -two - a * two_a, two_a
 
 
 @inlined

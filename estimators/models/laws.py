@@ -98,6 +98,10 @@ class Kind(NamedTuple):
     nominal: tuple[float, float, float] | None = None
 
 
+LOAD, SLOW_LOAD = (Role("1", (share, 0.15, 0.0, 1.0)) for share in (0.1, 0.05))
+COULOMB = Role("force", (0.05, 0.15, 0.0, 3.0))
+BREAKAWAY = Role("force", (0.02, 0.15, 0.0, 5.0))
+
 # Published and simulated axes lie within one or two standard deviations of these guesses. For the
 # axis of an industrial robot f_c is 0.14 and f_s 0.8 of the rms torque, and friction changes at
 # 0.07 to 0.2 of the rms speed (Wernholt and Gunnarsson 2006). The Coulomb level of bristles has a
@@ -106,7 +110,7 @@ LAWS: Mapping[str, Kind] = {
     "bristle": Kind(
         {
             "coulomb": Role("force", (0.05, 0.15, 1e-5, 3.0)),
-            "breakaway": Role("force", (0.02, 0.15, 0.0, 5.0)),
+            "breakaway": BREAKAWAY,
             "stribeck": Role("drive", (0.15, 0.1, 0.02, 1.0)),
             "stiffness": Role("force*rate/drive", (6.0, 6.0, 0.5, 1e3), needed=True),
             "damping": Role("force/drive", (0.5, 1.0, 0.0, 10.0)),
@@ -118,8 +122,8 @@ LAWS: Mapping[str, Kind] = {
     ),
     "static": Kind(
         {
-            "coulomb": Role("force", (0.05, 0.15, 0.0, 3.0)),
-            "breakaway": Role("force", (0.02, 0.15, 0.0, 5.0)),
+            "coulomb": COULOMB,
+            "breakaway": BREAKAWAY,
             "alpha": Role("1/drive", (10.0, 5.0, 1.0, 50.0)),
             "beta": Role("1/drive", (20.0, 10.0, 1.0, 100.0)),
         },
@@ -127,14 +131,14 @@ LAWS: Mapping[str, Kind] = {
     ),
     "gear": Kind(
         {
-            "coulomb": Role("force", (0.05, 0.15, 0.0, 3.0)),
-            "breakaway": Role("force", (0.02, 0.15, 0.0, 5.0)),
+            "coulomb": COULOMB,
+            "breakaway": BREAKAWAY,
             "stribeck": Role("drive", (1.0, 1.0, 0.05, 20.0), needed=True),
             "sharpness": Role("1", (2.0, 0.3, 0.5, 10.0), needed=True),  # 2 for bristles
-            "motor": Role("1", (0.1, 0.15, 0.0, 1.0)),
-            "external": Role("1", (0.1, 0.15, 0.0, 1.0)),
-            "motor_slow": Role("1", (0.05, 0.15, 0.0, 1.0)),
-            "external_slow": Role("1", (0.05, 0.15, 0.0, 1.0)),
+            "motor": LOAD,
+            "external": LOAD,
+            "motor_slow": SLOW_LOAD,
+            "external_slow": SLOW_LOAD,
             "softness": Role("drive", (0.05, 0.05, 1e-3, 1.0), needed=True),
             "input": Role(signed=True, shared=True),
             "stiffness": Role(shared=True),
@@ -247,24 +251,3 @@ class Law:
     def names(self) -> tuple[str, ...]:
         """Names of the law's own parameters in the model."""
         return tuple(self.own.values())
-
-    @property
-    def shared(self) -> tuple[str, ...]:
-        """Names of the parameters of the linear model on which the law's torque depends."""
-        named = [name for name in self.parameters.values() if isinstance(name, str)]
-        return tuple(name for name in named if name not in self.names)
-
-    @property
-    def positive(self) -> tuple[str, ...]:
-        """Names of the law's parameters that must be positive."""
-        return tuple(name for role, name in self.own.items() if self.roles[role].needed)
-
-    @property
-    def nonnegative(self) -> tuple[str, ...]:
-        """Names of the law's parameters that must not be negative."""
-        return tuple(name for role, name in self.own.items() if not self.roles[role].signed)
-
-    @property
-    def remembers(self) -> bool:
-        """Whether the law has a state of its own."""
-        return LAWS[self.kind].remembers

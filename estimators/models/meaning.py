@@ -72,7 +72,7 @@ def structure(model: Model) -> tuple[str, ...]:
 
 NEAR = 2.5
 """
-Largest ratio between the poles of a model and of a named axis that count as the same.
+Largest ratio between the poles of a model and of the nominal axis that count as the same.
 
 A model with parameters at half or twice the true values still counts as the same axis. For
 comparison, the motor of the stress case "n2" coasts 11 times as long as the motor of "n1".
@@ -81,42 +81,30 @@ STARTED = 4.0  # largest ratio between the start of an identified parameter and 
 SAME = 1e-9  # relative tolerance for the values of all other parameters
 
 
-def is_axis(model: Model, name: str, identify: Sequence[str]) -> bool:
+def is_nominal_axis(model: Model, identify: Sequence[str]) -> bool:
     """
-    Return whether a model has the matrices, parameter values and units of a named axis.
+    Return whether a model has the matrices, parameter values and units of the nominal axis.
 
     Parameters
     ----------
     model : Model
-    name : str
-        Name of the axis; only ``"n1"`` exists.
     identify : sequence of str
         Identified parameters, or their inverses. Their nominal values are initial estimates and may
-        therefore differ from the values of the named axis.
+        therefore differ from the values of the nominal axis.
     """
-    named = _axis(name)
-    tables = ("states", "A", "B", "C", "reset")
-    if any(getattr(model, table) != getattr(named, table) for table in tables):
+    axis, free = three_mass(N1), {name.removeprefix("1/") for name in identify}
+    if any(getattr(model, t) != getattr(axis, t) for t in ("states", "A", "B", "C", "reset")):
         return False
-    free = {parameter.removeprefix("1/") for parameter in identify}
-    for parameter, value in named.nominal.items():
-        ratio = model.nominal[parameter] / value
-        if not (1 / STARTED <= ratio <= STARTED if parameter in free else abs(ratio - 1) <= SAME):
+    for name, value in N1.items():
+        most = STARTED if name in free else 1 + SAME
+        if not 1 / most <= model.nominal[name] / value <= most:
             return False
     return True
 
 
-def moves_as(model: Model, name: str) -> bool:
-    """
-    Return whether a model has approximately the same poles as a named axis, in any units.
-
-    Parameters
-    ----------
-    model : Model
-    name : str
-        Name of the axis, as in `is_axis`.
-    """
-    rates, reference = (np.sort(np.abs(_poles(m))) for m in (model, _axis(name)))
+def moves_as_nominal(model: Model) -> bool:
+    """Return whether a model has about the same poles as the nominal axis, in any units."""
+    rates, reference = (np.sort(np.abs(_poles(m))) for m in (model, three_mass(N1)))
     if len(rates) != len(reference) or not rates.all():
         return False
     return bool(np.abs(np.log(rates / reference)).max() <= np.log(NEAR))
@@ -126,11 +114,6 @@ def moving_poles(model: Model) -> NDArray[np.complex128]:
     """Return the poles [1/s] of a model's linear part, except those with a real part of zero."""
     poles = _poles(replace(model, laws=()))
     return poles[np.abs(poles.real) > 1e-6 * np.abs(poles).max(initial=0.0)]
-
-
-def _axis(name: str) -> Model:
-    """Return a named axis; the nominal axis of the benchmark is the only one."""
-    return {"n1": three_mass(N1)}[name]
 
 
 def _poles(model: Model) -> NDArray[np.complex128]:

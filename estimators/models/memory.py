@@ -47,21 +47,22 @@ class Memory:
         content = np.zeros(() if times is None else times, kind)
         for name, values in arrays.items():
             content[name] = values
-        starts = [kind.fields[name][1] // 8 for name in arrays]  # type: ignore[index]
-        shapes = [(*a.shape, *[1] * (DIMENSIONS - a.ndim)) for a in arrays.values()]
-        self.__setstate__((np.column_stack([starts, shapes]).astype(np.int64), content))
+        self.__setstate__(content)
 
-    def __getstate__(self) -> tuple[NDArray[np.int64], NDArray[np.void]]:
-        return self.at, self._content
+    def __getstate__(self) -> NDArray[np.void]:
+        return self._content
 
-    def __setstate__(self, state: tuple[NDArray[np.int64], NDArray[np.void]]) -> None:
-        self.at, self._content = state
-        words = np.atleast_1d(self._content).view(np.float64)
-        self.block = words.reshape((*self._content.shape, -1))
-        self._names = frozenset(self._content.dtype.names or ())
-        if "now" in self._names:
-            now = self._content["now"]
-            self._now = now[..., 0] if now.shape[-1] == 1 else now
+    def __setstate__(self, content: NDArray[np.void]) -> None:
+        fields: Any = content.dtype.fields
+        rows = [
+            (start // 8, *kind.shape, *[1] * (DIMENSIONS - kind.ndim))
+            for kind, start in fields.values()
+        ]
+        self._content, self.at = content, np.array(rows, np.int64)
+        self.block = np.atleast_1d(content).view(np.float64).reshape((*content.shape, -1))
+        self._names = frozenset(fields)
+        if "now" in fields:
+            self._now = np.squeeze(content["now"])
 
     def __getitem__(self, name: str) -> Any:
         return self._content[name] if name in self._names else self._now[name][()]

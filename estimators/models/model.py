@@ -15,7 +15,7 @@ import numpy as np
 from flexaxis.estimators.errors import EstimatorError, did_you_mean
 from flexaxis.estimators.models.formula import Monomial, multiply_out
 from flexaxis.estimators.models.laws import INPUT, LAWS, Law
-from flexaxis.estimators.models.parametrization import Parametrization, acting
+from flexaxis.estimators.models.parametrization import Parametrization, law_records
 
 
 @dataclass(frozen=True)
@@ -116,9 +116,12 @@ class Model:
                 )
 
     def _check_signs(self) -> None:
+        own = [(law.roles[role], name) for law in self.laws for role, name in law.own.items()]
+        positive = [name for role, name in own if role.needed]
+        nonnegative = [name for role, name in own if not role.signed]
         for names, allowed, words in (
-            ((*self.positive, *self._of_laws("positive")), np.greater, "above 0"),
-            ((*self.nonnegative, *self._of_laws("nonnegative")), np.greater_equal, "0 or above it"),
+            ([*self.positive, *positive], np.greater, "above 0"),
+            ([*self.nonnegative, *nonnegative], np.greater_equal, "0 or above it"),
             (self.nonzero, np.not_equal, "other than 0"),
         ):
             for name in names:
@@ -133,16 +136,7 @@ class Model:
         """Physical parameters used in entries and laws, in the order of ``nominal``."""
         used = {name for *_, (_, powers) in self.monomials() for name in powers}
         used |= self.law_parameters
-        order = list(self.nominal)
-        return tuple(sorted(used, key=lambda p: (order.index(p) if p in order else len(order), p)))
-
-    def _of_laws(self, which: str) -> tuple[str, ...]:
-        return tuple(name for law in self.laws for name in getattr(law, which))
-
-    @property
-    def _remembering(self) -> int:
-        """Number of states that belong to laws."""
-        return sum(law.remembers for law in self.laws)
+        return (*(n for n in self.nominal if n in used), *sorted(used.difference(self.nominal)))
 
     @property
     def law_parameters(self) -> frozenset[str]:
@@ -156,7 +150,7 @@ class Model:
         The states of the linear model are followed by the states of the laws, which have no terms,
         and by the torque of each law. The column of a torque contains the formulas in ``acts``.
         """
-        more = ["0"] * (self._remembering + len(self.laws))
+        more = ["0"] * (sum(LAWS[law.kind].remembers for law in self.laws) + len(self.laws))
         rows = [[*row, *more, b] for row, b in zip(self.A, self.B, strict=True)]
         for i, law in enumerate(self.laws):
             for state, formula in law.acts.items():
@@ -188,7 +182,7 @@ class Model:
             If a name is unknown, a parameter is listed twice, or no parameter is listed.
         """
         identify = self.identify if identify is None else identify
-        shared = {parameter for law in self.laws for parameter in law.shared}
+        of_laws = {name for law in self.laws for name in law.parameters.values()}
         physical = [name.removeprefix("1/") for name in identify]
         for name, asked in zip(physical, identify, strict=True):
             if name not in self.parameters:
@@ -197,7 +191,7 @@ class Model:
                     + did_you_mean(name, self.parameters)
                     + "; or an inverse, such as '1/J_a'"
                 )
-            if name != asked and name in self.law_parameters | shared:
+            if name != asked and name in of_laws:
                 raise EstimatorError(
                     f"{asked!r} cannot be identified: a law depends on {name}; name {name!r} itself"
                 )
@@ -214,15 +208,17 @@ class Model:
             exponent = [powers.get(name, 0) for name in physical]
             terms.append((row, column, coefficient * float(np.prod(fixed)), exponent))
         rows, columns, coefficients, exponents = map(np.array, zip(*terms, strict=True))
+        laws, drive = law_records(self.laws, self.states, self.nominal, identify)
         return Parametrization(
             names=tuple(identify),
             theta=np.array([self.nominal[k] for k in physical], float) ** sign,
-            n=len(self.states) + self._remembering + len(self.laws),
+            n=drive.shape[1] - 1 + len(laws),
             row=rows,
             column=columns,
             coefficient=coefficients,
             exponent=exponents * sign,
             reset=tuple(list(self.states).index(state) for state in self.reset),
-            laws=acting(self.laws, self.states, self.nominal, identify),
+            laws=laws,
+            drive=drive,
             additive=tuple(name in self.law_parameters for name in identify),
         )

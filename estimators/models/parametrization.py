@@ -6,7 +6,6 @@ The laws of the model are stored as records for compiled code.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -34,40 +33,18 @@ and ``value`` a factor of θ_i; if ``parameter`` is −1, ``value`` is the value
 """
 
 
-class Acting(NamedTuple):
-    """
-    The laws of a model as records for compiled code, as functions of θ or of relative parameters.
-
-    Attributes
-    ----------
-    records : (L,) records
-        Laws, of type `LAW`.
-    drive : (L, n+1) array
-        Coefficients of the n states and of the input in the drive w of each law.
-    """
-
-    records: NDArray[np.void]
-    drive: NDArray[np.float64]
-
-    def relative(self, scale: NDArray[np.float64]) -> "Acting":
-        """Return the same laws as functions of θ/scale."""
-        records, which = self.records.copy(), self.records["parameter"]
-        records["value"] *= np.where(which >= 0, np.r_[scale, 1.0][which], 1.0)
-        return Acting(records, self.drive)
-
-
-def acting(
+def law_records(
     laws: Sequence[Law],
     states: Sequence[str],
     nominal: Mapping[str, float],
     identify: Sequence[str],
-) -> Acting:
+) -> tuple[NDArray[np.void], Array]:
     """
     Convert laws to records for compiled code.
 
     Parameters
     ----------
-    laws : sequence of Law
+    laws : sequence of L laws
     states : sequence of str
         Names of the states of the linear model. The states of the laws follow these states, in the
         order of the laws.
@@ -75,16 +52,25 @@ def acting(
         Nominal values of the parameters.
     identify : sequence of str
         Names of the identified parameters.
+
+    Returns
+    -------
+    records : (L,) records
+        Laws, of type `LAW`.
+    drive : (L, n+1) array
+        Coefficients of the n states and of the input in the drive w of each law.
     """
     records, kinds = np.zeros(len(laws), LAW), [law.kind for law in laws]
     records["parameter"] = records["memory"] = records["load"] = -1
-    drive, memory = [], len(states)
-    for record, law in zip(records, laws, strict=True):
+    own = [i for i, kind in enumerate(kinds) if LAWS[kind].remembers]
+    records["memory"][own] = len(states) + np.arange(len(own))
+    drive, places = np.zeros((len(laws), len(states) + len(own) + 1)), [*states, *own, INPUT]
+    for record, coefficients, law in zip(records, drive, laws, strict=True):
         record["kind"] = KINDS.index(law.kind)
-        if law.remembers:
-            record["memory"], memory = memory, memory + 1
         if LAWS[law.kind].loaded:
             record["load"] = kinds.index("spring")
+        for state, coefficient in law.drive.items():
+            coefficients[places.index(state)] = coefficient
         for role, parameter in law.parameters.items():
             r = list(law.roles).index(role)
             if parameter in identify:
@@ -92,11 +78,7 @@ def acting(
             else:
                 value = nominal[parameter] if isinstance(parameter, str) else parameter
                 record["value"][r] = value
-        drive.append([law.drive.get(state, 0.0) for state in states])
-    own = memory - len(states)
-    inputs = [law.drive.get(INPUT, 0.0) for law in laws]
-    w = np.reshape(drive, (len(laws), len(states)))
-    return Acting(records, np.column_stack([w, np.zeros((len(laws), own)), inputs]))
+    return records, drive
 
 
 @dataclass(frozen=True)
@@ -120,9 +102,9 @@ class Parametrization:
         Exponent of each θ_i in each term.
     reset : tuple of int
         Indices of the states that are set to zero at the start of every sample.
-    laws : Acting
-        Nonlinear laws. The torques of the laws are the last states of the matrix; the linear part
-        holds these torques constant over a step.
+    laws, drive : (L,) records, (L, n+1) array
+        Nonlinear laws, see `law_records`. The torques of the laws are the last states of the
+        matrix; the linear part holds these torques constant over a step.
     additive : tuple of bool
         For each θ_i, whether the parameter belongs to a law and may therefore be zero.
     """
@@ -135,13 +117,14 @@ class Parametrization:
     coefficient: Array
     exponent: NDArray[np.int64]
     reset: tuple[int, ...]
-    laws: Acting
+    laws: NDArray[np.void]
+    drive: Array
     additive: tuple[bool, ...] = ()
 
     @property
     def forces(self) -> int:
         """Number of laws, which equals the number of torques among the states of the matrix."""
-        return len(self.laws.records)
+        return len(self.laws)
 
     @property
     def states(self) -> int:
@@ -159,11 +142,10 @@ class Parametrization:
         """
         scale = np.asarray(scale, float)
         factor = np.prod(scale ** self.exponent.astype(float), axis=1)
+        laws, which = self.laws.copy(), self.laws["parameter"]
+        laws["value"] *= np.where(which >= 0, scale[which], 1.0)
         return replace(
-            self,
-            theta=self.theta / scale,
-            coefficient=self.coefficient * factor,
-            laws=self.laws.relative(scale),
+            self, theta=self.theta / scale, coefficient=self.coefficient * factor, laws=laws
         )
 
     def blocks(self, theta: ArrayLike) -> Array:
@@ -197,15 +179,3 @@ class Parametrization:
         """
         block = self.blocks(theta)[0]
         return block[:-1, :-1], block[:-1, -1:], block[-1:, :-1]
-
-    def derivatives(self, theta: ArrayLike) -> tuple[Array, Array, Array]:
-        """
-        Return ∂A (p, n, n), ∂B (p, n, 1) and ∂C (p, 1, n) at θ, paper eq. (18), (20), (24).
-
-        Parameters
-        ----------
-        theta : (p,) array_like
-            Identified parameters.
-        """
-        block = self.blocks(theta)[1:]
-        return block[:, :-1, :-1], block[:, :-1, -1:], block[:, -1:, :-1]

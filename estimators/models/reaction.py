@@ -29,15 +29,15 @@ LEAST_SHARE = 1 / 64  # smallest fraction of a step if the steps reverse without
 
 
 @fused
-def drives(drive, X, u, w):
-    """Compute the drives w (L, lanes) and derivatives from the states X (≥ n, lanes) and input."""
+def half_drives(drive, X, u, w):
+    """Compute w = ½ D [x; u] (L, lanes) with derivatives, from the states X (≥ n, lanes)."""
     n = drive.shape[1] - 1
     for i in range(len(drive)):
         w[i] = 0.0
-        w[i, 0] = drive[i, n] * u
+        w[i, 0] = 0.5 * drive[i, n] * u
         for j in range(n):
             if drive[i, j] != 0.0:
-                add(w, i, drive[i, j], X, j)
+                add(w, i, 0.5 * drive[i, j], X, j)
 
 
 @inlined
@@ -50,49 +50,35 @@ def assign(laws, theta):
             law["roles"][r] = law["value"][r] * theta[j] if j >= 0 else law["value"][r]
 
 
-@inlined
-def couple(drive, response, gain):
-    """Compute the matrix G = ½ D Γ_F."""
-    for i in range(len(gain)):
-        for j in range(len(gain)):
-            gain[i, j] = 0.0
-            for m in range(drive.shape[1] - 1):
-                gain[i, j] += 0.5 * drive[i, m] * response[j, m, 0]
-
-
 @fused
-def react(laws, drive, square, lanes, h, response, u, X):  # noqa: PLR0917
+def react(axis, h, u, X):
     """
     Add the effect of the laws, with derivatives, to the states after a step.
 
     Parameters
     ----------
-    laws : (L,) records
-        Laws with their parameters at θ.
-    drive : (L, n+1) array
-        Coefficients D of the n states and of the input in the drives of the laws.
-    square : (3, L, L) array
-        Matrices G, I − G F_w and (I − G F_w)⁻¹; G is an input, the others are overwritten.
-    lanes : (3, L, lanes) array
-        Drives before the step, mean drives w̄ and torques F, all with derivatives; the first are an
-        input, the others are overwritten.
+    axis : Axis
+        Arrays of the model. ``laws`` (L,) contains the parameters at θ; ``drive`` (L, n+1) the
+        coefficients D of the n states and of the input in the drives of the laws; ``response``
+        (L, N, lanes) the change Γ_F of each row of X caused by a torque of one that is held over
+        the step; ``coupling`` (L, L, lanes) the columns of G = ½ D Γ_F; and ``lanes[0]`` (L, lanes)
+        half of the drives before the step. Overwritten are the mean drives w̄, ``lanes[1]``, and
+        torques F, ``lanes[2]``, all with derivatives, and ``work`` (L, 2 L), the right half of
+        which becomes (I − G F_w)⁻¹.
     h : float
         Length of the step [s].
-    response : (L, N, lanes) array
-        Γ_F: the change of each row of X caused by a torque of one that is held over the step.
     u : float
         Input, held over the step.
     X : (N, lanes) array
         States and output after the step, computed without laws and corrected by this function.
     """
-    before, mean, torque = lanes[0], lanes[1], lanes[2]
-    gain, inverse = square[0], square[2]
-    drives(drive, X, u, mean)
+    laws, response, coupling, work = axis.laws, axis.response, axis.coupling, axis.work
+    before, mean, torque = axis.lanes[0], axis.lanes[1], axis.lanes[2]
+    half_drives(axis.drive, X, u, mean)
     for i in range(len(mean)):
-        for a in range(mean.shape[1]):
-            mean[i, a] = 0.5 * (mean[i, a] + before[i, a])
-    _search(laws, h, u, X, gain, square[1], inverse, mean)
-    _differentiate(laws, drive, gain, inverse, response, X, mean, torque)
+        add(mean, i, 1.0, before, i)
+    _search(laws, h, u, X, coupling, work, mean)
+    _differentiate(laws, coupling, work, X, mean, torque)
     for i in range(len(mean)):
         held = laws[i]["local"][F]
         for m in range(len(X)):
@@ -102,11 +88,11 @@ def react(laws, drive, square, lanes, h, response, u, X):  # noqa: PLR0917
                 add(X, m, b, torque, i)
                 add(X, m, held, response[i], m)
                 X[m, 0] = value
-    _remember(laws, inverse, mean, X)
+    _remember(laws, work, mean, X)
 
 
 @fused
-def _differentiate(laws, drive, gain, inverse, response, X, mean, torque):  # noqa: PLR0917
+def _differentiate(laws, coupling, work, X, mean, torque):  # noqa: PLR0917
     """Write (I − G F_w) w̄' into ``mean`` and F' into ``torque``; keep the first lane of both."""
     L = len(laws)
     for i in range(L):
@@ -117,15 +103,14 @@ def _differentiate(laws, drive, gain, inverse, response, X, mean, torque):  # no
         _add_parameters(law, 0, torque, i)
     for i in range(L):
         for j in range(L):
-            add_slopes(mean, i, gain[i, j], torque, j)
-            for m in range(drive.shape[1] - 1):
-                if drive[i, m] != 0.0:
-                    add_slopes(mean, i, 0.5 * drive[i, m] * laws[j]["local"][F], response[j], m)
+            add_slopes(mean, i, coupling[j, i, 0], torque, j)
+            add_slopes(mean, i, laws[j]["local"][F], coupling[j], i)
     for i in range(L):
         for j in range(L):
-            add_slopes(torque, i, laws[i]["local"][F_W] * inverse[i, j], mean, j)
+            slope = laws[i]["local"][F_W] * work[i, L + j]
             if laws[i]["load"] >= 0:
-                add_slopes(torque, i, laws[i]["local"][F_S] * inverse[laws[i]["load"], j], mean, j)
+                slope += laws[i]["local"][F_S] * work[laws[i]["load"], L + j]
+            add_slopes(torque, i, slope, mean, j)
 
 
 @fused
@@ -137,9 +122,10 @@ def _add_parameters(law, which, A, i):
 
 
 @fused
-def _remember(laws, inverse, mean, X):
+def _remember(laws, work, mean, X):
     """Integrate the states of the laws over the step, and store the torques of the laws."""
-    for i in range(len(laws)):
+    L = len(laws)
+    for i in range(L):
         law = laws[i]
         law["force"] = law["local"][F]
         m = law["memory"]
@@ -147,13 +133,13 @@ def _remember(laws, inverse, mean, X):
             for a in range(1, X.shape[1]):
                 X[m, a] *= law["local"][S_S]
             X[m, 0] = law["local"][S]
-            for j in range(len(laws)):
-                add_slopes(X, m, law["local"][S_W] * inverse[i, j], mean, j)
+            for j in range(L):
+                add_slopes(X, m, law["local"][S_W] * work[i, L + j], mean, j)
             _add_parameters(law, 1, X, m)
 
 
 @inlined
-def _search(laws, h, u, X, gain, jacobian, inverse, mean):  # noqa: PLR0917
+def _search(laws, h, u, X, coupling, work, mean):  # noqa: PLR0917
     """
     Solve w̄ = c + G F(w̄) by Newton's method, starting with the torques of the previous step.
 
@@ -161,7 +147,7 @@ def _search(laws, h, u, X, gain, jacobian, inverse, mean):  # noqa: PLR0917
     In that case w̄ moves in the direction of the residual, usually to the next stable solution.
 
     ``mean[:, 0]`` contains c at the start and w̄ at the end. At the end, ``local`` of each law is
-    evaluated at w̄, and ``inverse`` contains (I − G F_w)⁻¹.
+    evaluated at w̄, and the right half of ``work`` is (I − G F_w)⁻¹.
     """
     L = len(laws)
     for i in range(L):
@@ -169,8 +155,8 @@ def _search(laws, h, u, X, gain, jacobian, inverse, mean):  # noqa: PLR0917
         law["offset"] = mean[i, 0]
         law["reach"] = abs(law["offset"])
         for j in range(L):
-            mean[i, 0] += gain[i, j] * laws[j]["force"]
-            law["reach"] += abs(gain[i, j] * laws[j]["force"])
+            mean[i, 0] += coupling[j, i, 0] * laws[j]["force"]
+            law["reach"] += abs(coupling[j, i, 0] * laws[j]["force"])
     for i in range(L):
         laws[i]["force"] = 0.0  # used to store the last step during the search
     last, share, lost, ended = np.inf, 1.0, False, False
@@ -183,54 +169,52 @@ def _search(laws, h, u, X, gain, jacobian, inverse, mean):  # noqa: PLR0917
             force(law["kind"], mean[i, 0], s, u, h, law["roles"], law["local"])
         ended = ended or n == MOST_STEPS - 1
         flat = n >= TURNS and (lost or last > CLOSE) and not ended
-        _differences(laws, gain, flat, jacobian)
-        _invert(jacobian, inverse)
+        _differences(laws, coupling, flat, work)
+        _invert(work)
         if ended:
             break
-        size = _newton(laws, gain, inverse, mean)
+        size = _newton(laws, coupling, work, mean)
         if n > TURNS and not flat and size > AWAY * last:
             lost = True  # no solution is so near, or the solution is at the edge of a steep fall
             continue
-        if flat:
-            share = _kept_share(laws, share)
-        else:
-            # after a fraction s of a step, 1 − s of the distance remains if the laws are linear
-            shrinks = size <= (1.0 - 0.5 * share) * last
-            share = min(1.0, 2.0 * share) if shrinks else max(0.5 * share, LEAST_SHARE)
+        # after a fraction s of a step, 1 − s of the distance remains if the laws are linear
+        nears = _goes_on(laws) if flat else size <= (1.0 - 0.5 * share) * last
+        share = min(1.0, 2.0 * share) if nears else max(0.5 * share, LEAST_SHARE)
         last, ended = size, size <= CONVERGED
         for i in range(L):
             mean[i, 0] += laws[i]["change"] if ended else share * laws[i]["change"]
 
 
 @inlined
-def _differences(laws, gain, flat, jacobian):
-    """Write I − G F_w; if ``flat``, omit the slopes that cause several solutions."""
+def _differences(laws, coupling, flat, work):
+    """Write [I − G F_w, I]; if ``flat``, omit the slopes that cause several solutions."""
     L = len(laws)
+    for i in range(L):
+        for j in range(L):
+            work[i, j] = work[i, L + j] = 1.0 if i == j else 0.0
     for j in range(L):
-        slope = laws[j]["local"][F_W]
-        if flat and gain[j, j] * slope > 0.0:
+        slope, load = laws[j]["local"][F_W], laws[j]["load"]
+        if flat and coupling[j, j, 0] * slope > 0.0:
             slope = 0.0
         for i in range(L):
-            jacobian[i, j] = (1.0 if i == j else 0.0) - gain[i, j] * slope
-    for j in range(L):
-        if laws[j]["load"] >= 0:
-            for i in range(L):
-                jacobian[i, laws[j]["load"]] -= gain[i, j] * laws[j]["local"][F_S]
+            work[i, j] -= coupling[j, i, 0] * slope
+            if load >= 0:
+                work[i, load] -= coupling[j, i, 0] * laws[j]["local"][F_S]
 
 
 @inlined
-def _kept_share(laws, share):
-    """Return the fraction of a flat step to take, smaller after a reversal; store the step."""
+def _goes_on(laws):
+    """Return whether a flat step goes in the direction of the last one, and store the step."""
     forth = 0.0
     for i in range(len(laws)):
         law = laws[i]
         forth += law["change"] * law["force"] / max(law["reach"], LEAST) ** 2
         law["force"] = law["change"]
-    return min(1.0, 2.0 * share) if forth >= 0.0 else max(0.5 * share, LEAST_SHARE)
+    return forth >= 0.0
 
 
 @inlined
-def _newton(laws, gain, inverse, mean):
+def _newton(laws, coupling, work, mean):
     """Write the step of Newton's method, and return the size of the step relative to w̄."""
     L, size = len(laws), 0.0
     for i in range(L):
@@ -238,38 +222,27 @@ def _newton(laws, gain, inverse, mean):
     for j in range(L):
         residual = laws[j]["offset"] - mean[j, 0]
         for m in range(L):
-            residual += gain[j, m] * laws[m]["local"][F]
+            residual += coupling[m, j, 0] * laws[m]["local"][F]
         for i in range(L):
-            laws[i]["change"] += inverse[i, j] * residual
+            laws[i]["change"] += work[i, L + j] * residual
     for i in range(L):
-        if laws[i]["change"] != 0.0:
-            size = max(size, abs(laws[i]["change"]) / max(laws[i]["reach"], LEAST))
+        size = max(size, abs(laws[i]["change"]) / max(laws[i]["reach"], LEAST))
     return size
 
 
 @inlined
-def _invert(A, B):
-    """Write the inverse of A into B by Gauss–Jordan elimination with pivots; overwrite A."""
-    n = len(A)
-    for i in range(n):
-        for j in range(n):
-            B[i, j] = 1.0 if i == j else 0.0
-    for k in range(n):
+def _invert(work):
+    """Turn [A, I] into [I, A⁻¹] by Gauss–Jordan elimination with pivots."""
+    for k in range(len(work)):
         pivot = k
-        for i in range(k + 1, n):
-            if abs(A[i, k]) > abs(A[pivot, k]):
+        for i in range(k + 1, len(work)):
+            if abs(work[i, k]) > abs(work[pivot, k]):
                 pivot = i
-        if pivot != k:
-            for j in range(n):
-                A[k, j], A[pivot, j] = (A[pivot, j], A[k, j])
-                B[k, j], B[pivot, j] = (B[pivot, j], B[k, j])
-        inverse = 1.0 / A[k, k]
-        for j in range(n):
-            A[k, j] *= inverse
-            B[k, j] *= inverse
-        for i in range(n):
-            factor = A[i, k]
+        scale = 1.0 / work[pivot, k]
+        for j in range(work.shape[1]):
+            work[pivot, j], work[k, j] = work[k, j], scale * work[pivot, j]
+        for i in range(len(work)):
+            factor = work[i, k]
             if i != k and factor != 0.0:
-                for j in range(n):
-                    A[i, j] -= factor * A[k, j]
-                    B[i, j] -= factor * B[k, j]
+                for j in range(work.shape[1]):
+                    work[i, j] -= factor * work[k, j]

@@ -26,9 +26,8 @@ def padded(m: int) -> int:
 def copy(A, i, B, j):
     """Copy a row: A_i ← B_j."""
     i, j = np.uint64(i), np.uint64(j)
-    for b in range(ZERO, np.uint64(A.shape[1]), FOUR):
-        p, q, r, s = B[j, b], B[j, b + ONE], B[j, b + TWO], B[j, b + THREE]
-        A[i, b], A[i, b + ONE], A[i, b + TWO], A[i, b + THREE] = p, q, r, s
+    for b in range(np.uint64(A.shape[1])):
+        A[i, b] = B[j, b]
 
 
 @_on_rows

@@ -25,18 +25,8 @@ from numpy.typing import NDArray
 from flexaxis.estimators.models.compiler import fused, inlined
 from flexaxis.estimators.models.memory import Cube, Indices, Matrix
 from flexaxis.estimators.models.parametrization import LAW, Parametrization
-from flexaxis.estimators.models.reaction import assign, couple, drives, react
-from flexaxis.estimators.models.rows import (
-    FOUR,
-    ONE,
-    THREE,
-    TWO,
-    ZERO,
-    add,
-    copy,
-    padded,
-    product,
-)  # fmt: skip
+from flexaxis.estimators.models.reaction import assign, half_drives, react
+from flexaxis.estimators.models.rows import add, copy, padded, product
 
 SIZES = np.dtype(
     [(name, int) for name in ("n", "held", "order", "parts", "steps", "output")] + [("h", float)]
@@ -67,16 +57,16 @@ class Axis(NamedTuple):
         Tables of the model; ``reset`` lists the states that are zero at the start of a sample.
     Q : ((order+2)(n+1), w) array
         Columns of N⁰, N¹, …, and of Φ.
+    laws : (L,) records
+        Nonlinear laws, of type `flexaxis.estimators.models.parametrization.LAW`.
+    drive, coupling, work, lanes, response
+        Arguments of `flexaxis.estimators.models.reaction.react`.
     point : (n+1, 1) array
         Vector ξ = [x; u].
     trail, g, effect : (order, w), (order, w), (entries, w) arrays
         Vectors N^k ξ, vectors g_j, and the product ∂Φ/∂N_rc ξ of each term.
     after : (n, lanes) array
         States and derivatives after a substep.
-    laws : (L,) records
-        Nonlinear laws, of type `flexaxis.estimators.models.parametrization.LAW`.
-    drive, square, lanes, response
-        Arguments of `flexaxis.estimators.models.reaction.react`.
     """
 
     sizes: Annotated[NDArray[np.void], SIZES, 1]
@@ -84,16 +74,17 @@ class Axis(NamedTuple):
     slopes: Annotated[NDArray[np.void], SLOPE, 1]
     reset: Indices
     Q: Matrix
+    laws: Annotated[NDArray[np.void], LAW, 1]
+    drive: Matrix
+    coupling: Cube
+    work: Matrix
+    lanes: Cube
+    response: Cube
     point: Matrix
     trail: Matrix
     g: Matrix
     effect: Matrix
     after: Matrix
-    laws: Annotated[NDArray[np.void], LAW, 1]
-    drive: Matrix
-    square: Cube
-    lanes: Cube
-    response: Cube
 
 
 def axis_arrays(
@@ -120,23 +111,26 @@ def axis_arrays(
     Q[np.arange(held), np.arange(held)] = 1.0  # N⁰
     sizes = np.zeros(1, SIZES)
     sizes[0] = n, held, order, parts, steps, np.sum(entries["row"] < n), period / steps
+    shapes = {
+        "coupling": (L, L, lanes),
+        "work": (L, 2 * L),
+        "lanes": (3, L, lanes),
+        "response": (L, columns, lanes),
+        "point": (columns, 1),
+        "trail": (order, w),
+        "g": (order, w),
+        "effect": (len(entries), w),
+        "after": (n, lanes),
+    }
     return {
         "sizes": sizes,
         "entries": entries,
         "slopes": slopes,
         "reset": np.array(model.reset, np.int64),
         "Q": Q,
-        "point": np.zeros((columns, 1)),
-        "trail": np.zeros((order, w)),
-        "g": np.zeros((order, w)),
-        "effect": np.zeros((len(entries), w)),
-        "after": np.zeros((n, lanes)),
-        "laws": model.laws.records,
-        "drive": model.laws.drive,
-        "square": np.zeros((3, L, L)),
-        "lanes": np.zeros((3, L, lanes)),
-        "response": np.zeros((L, columns, lanes)),
-    }
+        "laws": model.laws,
+        "drive": model.drive,
+    } | {name: np.zeros(shape) for name, shape in shapes.items()}
 
 
 def _tables(model: Parametrization, length: float) -> tuple[NDArray, NDArray]:
@@ -161,17 +155,11 @@ def _tables(model: Parametrization, length: float) -> tuple[NDArray, NDArray]:
 def evaluate(entries, slopes, theta):
     """Update the terms that depend on θ, and their slopes, eq. (17)–(19)."""
     for k in range(len(entries)):
-        if entries[k]["first"] == entries[k]["last"]:
-            continue
-        value = entries[k]["coefficient"]
-        for s in range(entries[k]["first"], entries[k]["last"]):
-            x, power = theta[slopes[s]["theta"]], slopes[s]["power"]
-            if power < 0:
-                x, power = 1.0 / x, -power
-            for _ in range(power):
-                value *= x
+        value, first, last = entries[k]["coefficient"], entries[k]["first"], entries[k]["last"]
+        for s in range(first, last):
+            value *= theta[slopes[s]["theta"]] ** slopes[s]["power"]
         entries[k]["value"] = value
-        for s in range(entries[k]["first"], entries[k]["last"]):
+        for s in range(first, last):
             slopes[s]["value"] = value * slopes[s]["power"] / theta[slopes[s]["theta"]]
 
 
@@ -179,32 +167,13 @@ def evaluate(entries, slopes, theta):
 def powers(entries, output, order, Q):
     """Write the columns of all N^k and then those of Φ = Σ N^k/k!, eq. (20)."""
     columns = len(Q) // (order + 2)
-    last = 0  # Q contains N⁰ from the start
-    for _ in range(order):
-        now, e = last + columns, 0
-        for j in range(columns):
-            first = e
-            while e < output and entries[e]["column"] == j:
-                e += 1
-            _column(Q, now + j, entries, first, e, last)
-        last = now
+    for last in range(0, order * columns, columns):  # Q contains N⁰ from the start
+        now = last + columns
+        Q[now : now + columns] = 0.0
+        for e in range(output):
+            add(Q, now + entries[e]["column"], entries[e]["value"], Q, last + entries[e]["row"])
     for j in range(columns):
-        product(Q, last + columns + j, EXPONENTIAL, 0, 0, Q, j, columns, order + 1)
-
-
-@fused
-def _column(Q, to, entries, first, last, at):  # noqa: PLR0917
-    """Write a column of N^k: the columns of N^(k−1), weighted by the entries of a column of N."""
-    to, at = np.uint64(to), np.uint64(at)
-    for b in range(ZERO, np.uint64(Q.shape[1]), FOUR):
-        p = q = r = s = 0.0
-        for e in range(first, last):
-            m, of = entries[e]["value"], at + np.uint64(entries[e]["row"])
-            p += m * Q[of, b]
-            q += m * Q[of, b + ONE]
-            r += m * Q[of, b + TWO]
-            s += m * Q[of, b + THREE]
-        Q[to, b], Q[to, b + ONE], Q[to, b + TWO], Q[to, b + THREE] = p, q, r, s
+        product(Q, len(Q) - columns + j, EXPONENTIAL, 0, 0, Q, j, columns, order + 1)
 
 
 @fused
@@ -230,22 +199,6 @@ def effects(entries, output, held, order, Q, xi, trail, g, effect):  # noqa: PLR
 
 
 @fused
-def advance(entries, slopes, output, Q, phi, held, xi, effect, moved, X):  # noqa: PLR0917
-    """Integrate X over a substep: x⁺ = Φ [x; u], z_i⁺ = Φ z_i + ∂Φ/∂θ_i [x; u]."""
-    for i in range(held):
-        product(moved, i, Q, phi, i, X, 0, 1, held)
-        for j in range(held, len(xi)):  # the input and the torques of laws are held constant
-            moved[i, 0] += Q[phi + j, i] * xi[j, 0]
-    for s in range(len(slopes)):
-        e, lane, m = slopes[s]["entry"], 1 + slopes[s]["theta"], slopes[s]["value"]
-        if e < output:
-            for i in range(held):
-                moved[i, lane] += m * effect[e, i]
-    for i in range(held):
-        copy(X, i, moved, i)
-
-
-@fused
 def read(entries, slopes, output, X):
     """Write the output and its derivatives, eq. (16), into the last row of X."""
     n = len(X) - 1
@@ -256,19 +209,35 @@ def read(entries, slopes, output, X):
             X[n, 1 + slopes[s]["theta"]] += slopes[s]["value"] * X[entries[e]["column"], 0]
 
 
-@inlined
+@fused
 def _part(axis, u, law, X):
-    """Integrate X over a substep with u held, and a torque of one for one law (−1 for no law)."""
-    entries, Q, xi, effect, sizes = axis.entries, axis.Q, axis.point, axis.effect, axis.sizes[0]
+    """
+    Integrate X over a substep: x⁺ = Φ [x; u], z_i⁺ = Φ z_i + ∂Φ/∂θ_i [x; u].
+
+    The input u and the torques of the laws are held constant. The torque of one law is one; all
+    others, or all if ``law`` is −1, are zero.
+    """
+    slopes, Q, xi, effect, moved = axis.slopes, axis.Q, axis.point, axis.effect, axis.after
+    sizes = axis.sizes[0]
     n, held, order, output = sizes["n"], sizes["held"], sizes["order"], sizes["output"]
+    phi = (order + 1) * (n + 1)
     for i in range(n):
         xi[i, 0] = X[i, 0] if i < held else 0.0
     xi[n, 0] = u
     if law >= 0:
         xi[held + law, 0] = 1.0
-    effects(entries, output, held, order, Q, xi, axis.trail, axis.g, effect)
-    phi = (order + 1) * (n + 1)
-    advance(entries, axis.slopes, output, Q, phi, held, xi, effect, axis.after, X)
+    effects(axis.entries, output, held, order, Q, xi, axis.trail, axis.g, effect)
+    for i in range(held):
+        product(moved, i, Q, phi, i, X, 0, 1, held)
+        for j in range(held, n + 1):
+            moved[i, 0] += Q[phi + j, i] * xi[j, 0]
+    for s in range(len(slopes)):
+        e, lane, m = slopes[s]["entry"], 1 + slopes[s]["theta"], slopes[s]["value"]
+        if e < output:
+            for i in range(held):
+                moved[i, lane] += m * effect[e, i]
+    for i in range(held):
+        copy(X, i, moved, i)
 
 
 LAWS = 1
@@ -290,14 +259,14 @@ def over_sample(axis, theta, X, u, laws):
             for _ in range(parts):
                 _part(axis, 0.0, law, response[law])
             read(entries, slopes, output, response[law])
-        couple(drive, response, axis.square[0])
+            half_drives(drive, response[law], 0.0, axis.coupling[law])
     for i in axis.reset:
         X[i] = 0.0
     for _ in range(sizes["steps"]):
         if laws is not None:
-            drives(drive, X, u, axis.lanes[0])
+            half_drives(drive, X, u, axis.lanes[0])
         for _ in range(parts):
             _part(axis, u, -1, X)
         read(entries, slopes, output, X)
         if laws is not None:
-            react(axis.laws, drive, axis.square, axis.lanes, sizes["h"], response, u, X)
+            react(axis, sizes["h"], u, X)

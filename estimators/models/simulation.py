@@ -50,9 +50,8 @@ def simulation(
     """
     theta = np.asarray(theta, float)
     theta = np.where((theta == 0) & ~np.array(model.additive), LEAST, theta)
-    planned = plan(model, theta, theta, period, steps=steps)
     lanes = padded(1 + len(theta) + further)
-    arrays = axis_arrays(model, planned, period, lanes)
+    arrays = axis_arrays(model, plan(model, theta, theta, period, steps=steps), period, lanes)
     return Memory(arrays | {"theta": theta, "X": np.zeros((model.n + 1, lanes))})
 
 

@@ -60,10 +60,10 @@ def is_dry(model: Parametrization, period: float) -> bool:
     Coulomb friction is represented by bristles that have only a level and a stiffness, with a
     natural frequency (σ₀/J)^½ [rad/s] that is too high to be visible at the sampling period [s].
     """
-    if model.laws.records["kind"].tolist() != [BRISTLE]:
+    if model.laws["kind"].tolist() != [BRISTLE]:
         return False
-    law, force = model.laws.records[0], model.blocks(model.theta)[0, :, model.n - 1]
-    alone = np.flatnonzero(force).tolist() == np.flatnonzero(model.laws.drive).tolist()
+    law, force = model.laws[0], model.blocks(model.theta)[0, :, model.n - 1]
+    alone = np.flatnonzero(force).tolist() == np.flatnonzero(model.drive).tolist()
     simple = {*np.flatnonzero(law["value"])} <= {COULOMB, STIFFNESS}
     swing = np.sqrt(law["value"][STIFFNESS] * abs(force).max()) * period
     return bool(simple and alone and np.count_nonzero(force) == 1 and swing >= STIFF)
@@ -75,7 +75,7 @@ def sampled(model: Parametrization, theta: Array, period: float) -> Sampled:
     output, generator[-1] = generator[-1] / period, 0.0
     stuck = generator.copy()
     if model.forces:
-        law, speed = model.laws.records[0], int(np.argmax(model.laws.drive))
+        law, speed = model.laws[0], int(np.argmax(model.drive))
         level = float(law["value"][COULOMB] * np.append(theta, 1.0)[law["parameter"][COULOMB]])
         stuck[speed] = 0.0
     cleared = np.array(model.reset, np.int64)

@@ -19,9 +19,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.filters.design import covariance_matrix, make_design
-from flexaxis.estimators.filters.prediction_error import form, grow, subtract
+from flexaxis.estimators.filters.prediction_error import form, grow
+from flexaxis.estimators.filters.state import subtract
 from flexaxis.estimators.models.compiler import compiled
-from flexaxis.estimators.models.meaning import is_axis, moves_as
+from flexaxis.estimators.models.meaning import is_nominal_axis, moves_as_nominal
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.models.parametrization import Parametrization
 from flexaxis.estimators.offline.predictor import as_torque, predict
@@ -37,7 +38,7 @@ RELATIVE_DRIFT = 3.2e-6  # geometric mean of Δ_ii/θ_i² in (32)
 # s, time constants T/√(Δ_ii Q_ii) for Δ of (32) and Q of the nominal run; geometric mean
 FOLLOWS = {"k_T": 4.5, "1/J_a": 0.68, "f_m": 0.056}
 FOLLOWS_MEAN = 0.56
-AXIS, PERIOD = "n1", 0.005  # axis and T [s] for which these values are valid
+PERIOD = 0.005  # T [s] for which these values are valid, on the nominal axis
 
 
 def nominal_P(
@@ -148,10 +149,10 @@ def default_drift(
     if torque is not None:
         chosen = find_signal(output).predicted(model, period)
         Q = _energy(_gradient_along(chosen.parametrize(identify), theta, torque, period))
-        usual = FOLLOWS if moves_as(model, AXIS) else {}
+        usual = FOLLOWS if moves_as_nominal(model) else {}
         return (period / np.array([usual.get(n, FOLLOWS_MEAN) for n in identify])) ** 2 / Q
     # the values of eq. (32) are valid even if the estimates start elsewhere
-    known = DRIFT if is_axis(model, AXIS, identify) else {}
+    known = DRIFT if is_nominal_axis(model, identify) else {}
     relative = zip(identify, RELATIVE_DRIFT * theta**2, strict=True)
     return (period / PERIOD) ** 2 * np.array([known.get(name, usual) for name, usual in relative])
 
@@ -182,7 +183,7 @@ def stored_P(
     (p,) array or None
         Diagonal of P(0), or None for another axis, period or other parameters.
     """
-    if period != PERIOD or not is_axis(model, AXIS, identify):
+    if period != PERIOD or not is_nominal_axis(model, identify):
         return None
     return known_P(identify, forgetting=forgetting, scale=scale)
 

@@ -18,7 +18,7 @@ from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.models.axes import N1, PAPER, real_axis, three_mass
 from flexaxis.estimators.models.discretisation import discretize
 from flexaxis.estimators.models.laws import INPUT, LAWS, Law
-from flexaxis.estimators.models.meaning import is_axis, structure
+from flexaxis.estimators.models.meaning import is_nominal_axis, structure
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.offline.predictor import as_torque, respond
 
@@ -175,7 +175,7 @@ def _stored(model: Model, law: Law) -> Sizes:
     if linear is None or tuple(model.states[: len(linear.states)]) != tuple(linear.states):
         known = False
     else:
-        known = is_axis(linear, "n1", [p for p in linear.parameters if p != "r"])
+        known = is_nominal_axis(linear, [p for p in linear.parameters if p != "r"])
     if not known or law.kind not in NOMINAL:
         raise EstimatorError(
             "the expected size of friction, backlash and cogging is known only for the nominal "

@@ -87,7 +87,7 @@ def with_knob(name: str, factor: float) -> str | None:
     knob = knob_of(name)
     if knob is None:
         return name
-    options = knob.turned(factor)
+    options = knob.at(knob.usual * factor)
     return None if options is None else with_options(name, options)
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from flexaxis.estimators.knob import Knob, Tuning
+from flexaxis.estimators.knob import Knob
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.comparison.ranking import REFERENCE
@@ -251,13 +251,12 @@ def save(path: Path, name: str, tuned: Tuned | None) -> None:
     known = read_toml(path, FlexaxisError) if path.exists() else {}
     tables = [table for table in known.get("tuned", []) if table["estimator"] != name]
     if tuned:
-        at, ratio = tuning_scenario(), round(tuned.ratio, 4)
-        about = Tuning(
-            estimator=name, knob=tuned.knob, value=tuned.value, setting=tuned.setting,
-            match=tuned.match, ratio=ratio, command=LINE.get(), model=at.preset,
-            identify=at.identify, period=at.period, noise=at.noise.speed,
-        )  # fmt: skip
-        tables.append(asdict(about))
+        at = tuning_scenario()
+        about = {
+            "ratio": round(tuned.ratio, 4), "command": LINE.get(), "model": at.preset,
+            "identify": at.identify, "period": at.period, "noise": at.noise.speed,
+        }  # fmt: skip
+        tables.append({"estimator": name, **asdict(tuned), **about})
     order = [*REGISTRY]
     tables.sort(key=lambda table: [*order, table["estimator"]].index(table["estimator"]))
     text = "# Written by `flexaxis tune` (see docs/scores.md).\n" + toml_text({"tuned": tables})

@@ -4,7 +4,8 @@ from functools import partial
 
 import numpy as np
 import pytest
-from acceptance.textbook import sampled
+from acceptance.axes import theta_of
+from acceptance.textbook import measured, predicted, sampled
 
 from flexaxis.estimators import three_mass
 from flexaxis.estimators.filters.design import make_design
@@ -14,33 +15,21 @@ T = 0.005
 
 
 def textbook(nominal, loop, N, *, P0, W, sigma, output="speed"):
-    """θ (N, 3): central differences of the exact step as Jacobian, Kalman equations one by one."""
+    """θ (N, 3), the Kalman equations one by one."""
     step = partial(sampled, nominal, increments=output == "increment")
     m = 8 if output == "speed" else 9
     h = np.zeros(m)
     h[5 if output == "speed" else 8] = 1 / T if output == "increment" else 1.0
     y = read(loop, output)
-    xi = np.r_[[nominal["k_T"], 1 / nominal["J_a"], nominal["f_m"]], np.zeros(m - 3)]
-    P = np.zeros((m, m))
-    P[:3, :3] = np.diag(P0 + W)
+    xi = np.r_[theta_of(nominal), np.zeros(m - 3)]
+    P = np.diag(np.r_[P0 + W, np.zeros(m - 3)])
     if output == "angle":
         P[8, 8] = 10.0**2
     theta = np.empty((N, 3))
     for k in range(N):
-        K = P @ h / (h @ P @ h + sigma**2)
-        xi = xi + K * (y[k] - h @ xi)
-        P = P - np.outer(K, h @ P)
+        xi, P, _ = measured(xi, P, h, y[k], sigma)
         theta[k] = xi[:3]
-        size = np.r_[abs(xi[:3]), np.full(m - 3, 1.0)] * 1e-5
-        F = np.column_stack(
-            [
-                (step(xi + d, loop.u[k]) - step(xi - d, loop.u[k])) / (2 * d.max())
-                for d in np.diag(size)
-            ]
-        )
-        xi = step(xi, loop.u[k])
-        P = F @ P @ F.T
-        P[:3, :3] += np.diag(W)
+        xi, P = predicted(partial(step, u=loop.u[k]), xi, P, W)
     return theta
 
 
@@ -51,7 +40,7 @@ def read(loop, output):
 @pytest.mark.parametrize("output", ["speed", "increment", "angle"])
 def test_against_the_textbook(nominal, loop, output):
     N = 200
-    theta0 = np.array([1.0, 1.25, 0.05])
+    theta0 = theta_of(nominal)
     P0, W = (0.1 * theta0) ** 2, (1e-3 * theta0) ** 2
     expected = textbook(nominal, loop, N, P0=P0, W=W, sigma=0.1, output=output)
     ekf = joint_ekf(

@@ -1,26 +1,19 @@
-"""What the joint filters have in common: rest, noise, claims, options."""
-
-from functools import partial
+"""What the joint filters have in common: rest, noise, claims."""
 
 import numpy as np
 import pytest
 
-from flexaxis.estimators import EstimatorError, three_mass
-from flexaxis.estimators.filters.design import make_design
-from flexaxis.estimators.methods.ekf import joint_ekf
-from flexaxis.estimators.methods.imm import joint_imm
 from flexaxis.estimators.registry import REGISTRY
 
 JOINT = ["ekf", "imm"]
 TRUTH = np.array([1.0, 1.25, 0.05])
-T = 0.005
 
 
-def make(name, nominal, *, start=1.0, period=T, **options):
+def make(name, nominal, *, start=1.0, **options):
     """A registered estimator that starts off the truth."""
     off = {"k_T": start, "J_a": 1 / start, "f_m": start}
     told = {key: value * off.get(key, 1.0) for key, value in nominal.items()}
-    return REGISTRY[name].factory(told, period, **options)
+    return REGISTRY[name].factory(told, 0.005, **options)
 
 
 # Outliers
@@ -110,15 +103,6 @@ def test_innovations_are_what_they_are_claimed_to_be(nominal, loop, name):
 # The ceiling
 
 
-def build(name, model, **options):
-    """The class itself, with θ practically known."""
-    design = make_design(
-        model, P0=(1e-7 * TRUTH) ** 2, drift=(1e-12 * TRUTH) ** 2, period=T, **options
-    )
-    kind = {"ekf": joint_ekf, "imm": partial(joint_imm, jump=1e-20 * TRUTH)}
-    return kind[name](design)
-
-
 @pytest.mark.parametrize("name", JOINT)
 def test_no_parameter_is_less_certain_than_by_its_size(nominal, loop, name):
     """The walk alone would take it to 2 θ(0) in the gap; correlations are those before."""
@@ -128,20 +112,3 @@ def test_no_parameter_is_less_certain_than_by_its_size(nominal, loop, name):
     spread = np.sqrt(np.diag(filter_.covariance)) / TRUTH
     np.testing.assert_allclose(spread, 1.0, rtol=0.01)
     assert np.linalg.eigvalsh(filter_.covariance / np.outer(TRUTH, TRUTH))[0] > 0
-
-
-# Options
-
-
-@pytest.mark.parametrize("name", JOINT)
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ({"noise": 0.0}, "noise is 0.0"),
-        ({"noise": -1.0}, "noise is -1.0"),
-        ({"noise": np.nan}, "noise is nan"),
-    ],
-)
-def test_wrong_options(nominal, name, options, words):
-    with pytest.raises(EstimatorError, match=words):
-        build(name, three_mass(nominal), **options)

@@ -80,8 +80,8 @@ def travelled(model, u, *, steps=None, theta=None):
 
 def unsolved(ready):
     """What a step leaves of its equation, over the size of it."""
-    law, mean, gain = ready["laws"][0], ready["lanes"][1], ready["square"][0]
-    return abs(mean[0, 0] - law["offset"] - gain[0, 0] * law["local"][0]) / law["reach"]
+    law, mean, gain = ready["laws"][0], ready["lanes"][1], ready["coupling"]
+    return abs(mean[0, 0] - law["offset"] - gain[0, 0, 0] * law["local"][0]) / law["reach"]
 
 
 def distance(ours, reference):

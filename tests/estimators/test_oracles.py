@@ -88,7 +88,7 @@ def test_an_outlier_is_clipped_at_deviations_of_the_prediction(nominal, loop, si
     assert s > 3  # the spread of the prediction counts
     expected = ours.P @ psi / s * sign * clip * np.sqrt(noise * s)
     before = ours.theta
-    lower, upper = ours.bounds
+    lower, upper = (ours.state[side] * ours._design.scale for side in ("lower", "upper"))
     assert ((before + expected > lower) & (before + expected < upper)).all()
     ours.step(loop.u[N], loop.y[N] + sign * 1e3)
     np.testing.assert_allclose(ours.theta - before, expected, rtol=1e-9)

@@ -95,6 +95,9 @@ REFUSALS = [
     ({"bounds": (THETA[:2], THETA * 2)}, "bounds is .*; give 3 finite values"),
     ({"regularization": -1.0}, "regularization is -1.0; μ must be finite and ≥ 0"),
     ({"period": 0.0}, "period is 0.0"),
+    ({"noise": 0.0}, "noise is 0.0"),
+    ({"noise": -1.0}, "noise is -1.0"),
+    ({"noise": np.nan}, "noise is nan"),
 ]
 
 

@@ -60,19 +60,6 @@ def test_every_choice_of_parameters_is_the_paper(nominal, loop):
         np.testing.assert_allclose(ours, expected, rtol=1e-9, err_msg=str(identify))
 
 
-def extended(filter_, theta):
-    """(22) in extended precision, input as one more state, for x and each z_i in turn."""
-    A, B, _ = filter_._design.model.matrices(theta)
-    dA, dB, _ = filter_._design.model.derivatives(theta)
-    n, p = len(A), len(theta)
-    F = np.zeros((n * (p + 1) + 1,) * 2, np.longdouble)
-    for i in range(p + 1):
-        F[n * i : n * (i + 1), n * i : n * (i + 1)] = A
-    F[n:-1, :n] = np.vstack(dA)
-    F[:n, -1], F[n:-1, -1] = B[:, 0], np.vstack(dB)[:, 0]
-    return F
-
-
 def transition(F, period):
     """exp(F T) in extended precision: a Taylor series of small steps, squared."""
     halvings = 16
@@ -94,14 +81,16 @@ def test_series_is_exact_on_stiff_models(nominal, loop, stiff):
     model = three_mass({name: value * stiff.get(name, 1) for name, value in nominal.items()})
     theta = model.parametrize(("k_T", "1/J_a", "f_m")).theta
     fast = Rpem(model, P0=np.full(3, 1e-300), bounds=(0.2 * theta, 5 * theta), period=0.005)
-    Phi = transition(extended(fast, fast._design.theta0), 0.005)
+    literal = LiteralRpem(fast._design.model, fast._design.theta0, np.ones(3), period=0.005)
+    F = np.pad(np.column_stack(literal.extended()), ((0, 1), (0, 0))).astype(np.longdouble)
+    Phi = transition(F, 0.005)
     X = np.zeros(len(Phi), np.longdouble)
     largest = np.zeros(4)  # of each lane; a state that happens to cross zero is no measure
     for k in range(50):
         fast.step(loop.u[k], None)
         X[-1] = loop.u[k]
         X = Phi @ X
-        expected = X[:-1].reshape(4, 5).T
+        expected = np.roll(X[:-1].reshape(4, 5), 1, axis=0).T  # the literal x is the last
         largest = np.maximum(largest, np.abs(expected).max(axis=0))
     error = np.abs(fast.state["X"][:5, :4] - expected).max(axis=0)
     assert (error / largest).max() < 1e-12

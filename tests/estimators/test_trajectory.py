@@ -42,7 +42,7 @@ def axis(which, output="speed", samples=500, **options):
 def test_reversals_are_where_tiny_steps_have_them(which):
     """Steps take friction as what stops the motor, or all of it."""
     along, z = axis(which, samples=200)
-    often, n, motor, f_c = 400, along.model.n, along.model.laws.drive[0] != 0, z[along.p - 1]
+    often, n, motor, f_c = 400, along.model.n, along.model.drive[0] != 0, z[along.p - 1]
     P = along.model.blocks(z[: along.p])[0]
     step = expm(np.vstack([P[:n], np.zeros((1, n + 1))]) * PERIOD / often)
     friction, x = step[:n, n - 1].copy(), np.zeros(n)

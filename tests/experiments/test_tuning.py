@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 from engine_cases import runner_here
 
-from flexaxis.estimators.knob import at_equal_noise, tunings
+from flexaxis.estimators.knob import tunings
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.comparison.sweep import TURNS, with_knob
@@ -118,25 +118,24 @@ def test_what_is_found_is_saved_in_the_place_of_what_was(tmp_path, monkeypatch, 
 def test_the_registry_has_what_was_tuned():
     for entry in REGISTRY.values():
         if entry.knob and entry.name not in OWN:
-            knob, found = entry.turning, at_equal_noise(entry.name)
-            there = knob.at(knob.position(found.value))
+            knob, found = entry.turning, tunings()[entry.name]
+            there = knob.at(knob.position(found["value"]))
             assert {knob.name: entry.options[knob.name]} == pytest.approx(there)
-    known = {t.estimator for t in tunings()}
-    assert known == {e.name for e in REGISTRY.values() if e.knob} - LAWS
-    for found in tunings():
-        assert abs(found.ratio - 1) < TOLERANCE
-        assert found.command.startswith(f"flexaxis tune {found.estimator} --seeds 0:16")
-        options = parse(found.setting).options
-        assert REGISTRY[found.estimator].turning.name == found.knob
-        there = REGISTRY[found.estimator].turning
-        assert options | there.at(there.position(found.value)) == pytest.approx(options)
+    assert set(tunings()) == {e.name for e in REGISTRY.values() if e.knob} - LAWS
+    for found in tunings().values():
+        assert abs(found["ratio"] - 1) < TOLERANCE
+        assert found["command"].startswith(f"flexaxis tune {found['estimator']} --seeds 0:16")
+        options = parse(found["setting"]).options
+        assert REGISTRY[found["estimator"]].turning.name == found["knob"]
+        there = REGISTRY[found["estimator"]].turning
+        assert options | there.at(there.position(found["value"])) == pytest.approx(options)
     assert REGISTRY["rpem-forgetting"].options["forgetting"] == 0.995
 
 
 @pytest.mark.slow
 def test_tuning_again_finds_the_same():
-    (stored,) = (t for t in tunings() if t.estimator == "ekf")
+    stored = tunings()["ekf"]
     found = match_noise("ekf", Trials(range(16), runner_here().rows))
     # it starts from the stored value, which other processors leave within the tolerance
-    assert found.value == pytest.approx(stored.value)
-    assert found.ratio == pytest.approx(stored.ratio, rel=1e-3)
+    assert found.value == pytest.approx(stored["value"])
+    assert found.ratio == pytest.approx(stored["ratio"], rel=1e-3)

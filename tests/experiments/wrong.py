@@ -32,7 +32,7 @@ class Honest:
         self._inner = REGISTRY["rpem-forgetting"].factory(
             nominal, period, identify=identify, output=output, torque=torque
         )
-        self.names, self.output, self.bounds = identify, output, self._inner.bounds
+        self.names, self.output = identify, output
 
     def step(self, u: float, y: float | None) -> Array:
         """Take one sample, honestly."""

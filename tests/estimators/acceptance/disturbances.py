@@ -35,10 +35,6 @@ def _whole(run: Run, rest: tuple[int, int] = (0, 0)) -> Disturbed:
     return Disturbed(run, np.ones(len(run.u), bool), rest)
 
 
-def _span(run: Run, seconds: float) -> slice:
-    return slice(run.samples(BEFORE), run.samples(BEFORE + seconds))
-
-
 def at_rest_first(axis, seconds, **options) -> Disturbed:
     """The drive is off at first: torque and speed are exactly zero."""
     run = simulate(axis, AFTER, **options)
@@ -48,29 +44,26 @@ def at_rest_first(axis, seconds, **options) -> Disturbed:
     return _whole(Run(u, y, clean, theta, run.period), (0, N))
 
 
-def drive_off(axis, seconds, **options) -> Disturbed:
-    """The drive is switched off: the axis coasts for a second, then all is exactly zero."""
-    run = simulate(axis, BEFORE + seconds + AFTER, off=(BEFORE, BEFORE + seconds), **options)
-    span = _span(run, seconds)
-    return _whole(run, (span.start, span.stop))
+def still(axis, seconds, why, **options) -> Disturbed:
+    """
+    The axis stands still, from a second after the beginning on.
 
-
-def pause(axis, seconds, **options) -> Disturbed:
-    """The reference is held; a second later the axis stands still under control."""
-    run = simulate(axis, BEFORE + seconds + AFTER, pause=(BEFORE, BEFORE + seconds), **options)
-    span = _span(run, seconds)
-    return _whole(run, (span.start, span.stop))
+    With "pause" the reference is held; with "off" the drive is off, and all is exactly zero.
+    """
+    span = BEFORE, BEFORE + seconds
+    run = simulate(axis, span[1] + AFTER, **{why: span}, **options)
+    return _whole(run, (run.samples(span[0]), run.samples(span[1])))
 
 
 def gap(axis, samples, **options) -> Disturbed:
     """Outputs are missing while the axis goes on."""
     seconds = samples * options.get("period", 0.005)
     run = simulate(axis, BEFORE + seconds + AFTER, **options)
-    span = _span(run, seconds)
+    first = run.samples(BEFORE)
     valid = np.ones(len(run.u), bool)
-    valid[span] = False
+    valid[first : first + samples] = False
     y = np.where(valid, run.y, 0.0)
-    return Disturbed(replace(run, y=y), valid, (span.start, span.stop))
+    return Disturbed(replace(run, y=y), valid, (first, first + samples))
 
 
 def outlier(axis, size, **options) -> Disturbed:
@@ -90,10 +83,10 @@ def in_mid_motion(axis, seconds, **options) -> Disturbed:
 
 
 DISTURBANCES: Mapping[str, Callable[..., Disturbed]] = {
-    "pause of 20 s": partial(pause, seconds=20.0),
+    "pause of 20 s": partial(still, why="pause", seconds=20.0),
     "outlier of 1e9": partial(outlier, size=1e9),
     "a minute at rest first": partial(at_rest_first, seconds=60.0),
-    "off for a minute": partial(drive_off, seconds=60.0),
+    "off for a minute": partial(still, why="off", seconds=60.0),
     "gap of 1e4 samples": partial(gap, samples=10_000),
     "start in mid-motion": partial(in_mid_motion, seconds=7.3),
 }

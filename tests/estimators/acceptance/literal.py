@@ -48,8 +48,8 @@ class LiteralRpem:
     def sample(self, u, y, valid):
         """θ after one sample."""
         forgetting, drift, regularization = self.options
-        C, dC = self.model.matrices(self.theta)[2][0], self.model.derivatives(self.theta)[2][:, 0]
-        self.psi = self.X[:-1] @ C + dC @ self.X[-1]  # (16)
+        C, *dC = self.model.blocks(self.theta)[:, -1, :-1]
+        self.psi = self.X[:-1] @ C + np.array(dC) @ self.X[-1]  # (16)
         if valid:
             epsilon = y - C @ self.X[-1]  # (6)
             self.P = symmetric(measurement_update(self.P, self.psi))
@@ -63,9 +63,8 @@ class LiteralRpem:
 
     def extended(self):
         """F and G of eq. (22)."""
-        (A, B, _), (dA, dB, _) = (
-            self.model.matrices(self.theta), self.model.derivatives(self.theta)
-        )  # fmt: skip
+        whole = self.model.blocks(self.theta)[:, :-1]
+        (A, *dA), (B, *dB) = whole[..., :-1], whole[..., -1]
         F = np.kron(np.eye(len(dA) + 1), A)
         F[: -len(A), -len(A) :] = np.concatenate(dA)
-        return F, np.concatenate([*dB, B])[:, 0]
+        return F, np.concatenate([*dB, B])

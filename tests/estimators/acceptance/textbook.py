@@ -76,6 +76,22 @@ def sampled(
     return np.r_[xi[:N_P], held(A[:n, :n], B[:n], period) @ np.r_[x, u]]
 
 
+def measured(xi: Array, P: Array, h: Array, y: float, sigma: float) -> tuple[Array, Array, float]:
+    """ξ and P of a joint Kalman filter after y = hᵀξ + e, and the log likelihood of y."""
+    S, e = h @ P @ h + sigma**2, y - h @ xi
+    K = P @ h / S
+    return xi + K * e, P - S * np.outer(K, K), -0.5 * (np.log(2 * np.pi * S) + e**2 / S)
+
+
+def predicted(step: Callable[[Array], Array], xi: Array, P: Array, W: Array) -> tuple[Array, Array]:
+    """ξ and P one sample later, by central differences of the step; θ gains the variances W."""
+    sizes = np.r_[abs(xi[:N_P]), np.ones(len(xi) - N_P)] * 1e-5
+    F = [(step(xi + d) - step(xi - d)) / (2 * d.max()) for d in np.diag(sizes)]
+    P = np.transpose(F) @ P @ F
+    P[:N_P, :N_P] += np.diag(W)
+    return step(xi), P
+
+
 def textbook(
     axis: Mapping[str, float],
     u: Array,
