@@ -22,15 +22,36 @@ onset that is `PER_LEVEL` spacings old goes up a level, or is left where the nex
 for it; so each stands once, for all onsets within its spacing.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
-from flexaxis.estimators.glr.cogging import carry_waves
 from flexaxis.estimators.models.compiler import fused, inlined, summed
-from flexaxis.estimators.models.rows import multiply
+from flexaxis.estimators.models.memory import Matrix, Vector
+from flexaxis.estimators.models.rows import copy
 
+ALARM = 7.0  # nats, odds of any jump against none from which on candidates are compared
 PER_LEVEL, MORE = 8, 4  # onsets of the first level, and of each other
 NEVER = -1  # a sample that does not come
 FIRM = 20.0  # samples of e²/S of variance one that κ starts from, so that a few say little of it
+
+
+class Columns(NamedTuple):
+    """
+    H columns δ beside a filter, with what the innovations tell of the size of each.
+
+    Attributes
+    ----------
+    D, moved : (m, H), (n+1, H) arrays
+        Every δ, and what a sample makes of its states and of the output.
+    J, d : (H,) arrays
+        Sums of each.
+    """
+
+    D: Matrix
+    moved: Matrix
+    J: Vector
+    d: Vector
 
 
 @inlined
@@ -40,45 +61,17 @@ def level_of(slot):
 
 
 @fused
-def carry_columns(bank, state, e, S):
-    """Take every δ over the last sample, and through its measurement unless e is NaN."""
-    b, p = bank.now[0], len(state.lower)
-    measured = not np.isnan(e)
-    root = 1.0 / np.sqrt(S) if measured else 0.0
-    z = e * root if measured else 0.0
-    if b["searching"] > 0:
-        waves, axis = bank.waves, state.axis
-        carry_waves(waves, axis.response, axis.sizes[0]["steps"], state.G)
-        correct(waves.D, waves.moved, state.gain, root, z, p, waves.J, waves.d)
-        b["repeated"] += z * b["z_before"]
-        b["z_before"] = z if measured else b["z_before"]
-    elif b["awake"] > 0:
-        multiply(state.G, bank.D, bank.moved)
-        correct(bank.D, bank.moved, state.gain, root, z, p, bank.J, bank.d)
-    if measured:
-        b["chi2"] += z * z
-        b["used"] += 1.0
-
-
-@fused
-def correct(D, moved, gain, root, z, p, J, d):  # noqa: PLR0917
+def correct(columns, state, e, S):
     """
     Take columns through a measurement: φ = hᵀδ/√S, J ← J + φ², d ← d + φ z, δ ← F δ − K φ.
 
-    Parameters
-    ----------
-    D, moved : (m, H), (n+1, H) arrays
-        The columns, and what the sample made of their states and of the output.
-    gain : (m,) array
-        K √S.
-    root, z : float
-        1/√S and e/√S; 0 where there is no measurement.
-    p : int
-        Number of parameters.
-    J, d : (H,) arrays
+    Returns z = e/√S, or 0 where e is NaN, as there is no measurement then. ``moved`` is G δ.
     """
-    n, seen = len(moved) - 1, moved[-1]
-    for c in range(D.shape[1]):
+    D, moved, J, d, gain = columns.D, columns.moved, columns.J, columns.d, state.gain
+    n, p, seen = len(moved) - 1, len(state.lower), moved[-1]
+    root = 0.0 if np.isnan(e) else 1.0 / np.sqrt(S)
+    z = 0.0 if np.isnan(e) else e * root
+    for c in range(len(J)):
         phi = seen[c] * root
         J[c] += phi * phi
         d[c] += phi * z
@@ -91,6 +84,7 @@ def correct(D, moved, gain, root, z, p, J, d):  # noqa: PLR0917
         row, to, g = D[p + i], moved[i], gain[p + i] * root
         for c in range(len(row)):
             row[c] = to[c] - g * seen[c]
+    return z
 
 
 @inlined
@@ -120,39 +114,34 @@ def _slot(level, number):
 @inlined
 def _move(bank, row, to):
     """Move an onset from a slot to another."""
-    q = len(bank.which)
+    columns, q = bank.columns, len(bank.which)
     bank.onset[to] = bank.onset[row]
     bank.chi2_at[to], bank.used_at[to] = bank.chi2_at[row], bank.used_at[row]
     for i in range(q):
-        bank.J[to * q + i], bank.d[to * q + i] = bank.J[row * q + i], bank.d[row * q + i]
-        for a in range(len(bank.D)):
-            bank.D[a, to * q + i] = bank.D[a, row * q + i]
-    for a in range(bank.kept_P.shape[1]):
-        bank.kept_xi[to, a] = bank.kept_xi[row, a]
-        for b in range(bank.kept_P.shape[2]):
-            bank.kept_P[to, a, b] = bank.kept_P[row, a, b]
+        c, d = row * q + i, to * q + i
+        columns.J[d], columns.d[d] = columns.J[c], columns.d[c]
+        for a in range(len(columns.D)):
+            columns.D[a, d] = columns.D[a, c]
+    for a in range(bank.kept.shape[1]):
+        copy(bank.kept[to], a, bank.kept[row], a)
 
 
 @inlined
 def _begin(bank, state, row, now):
     """Begin the hypotheses of an onset."""
-    q, p = len(bank.which), len(state.lower)
+    columns, kept = bank.columns, bank.kept[row]
+    m, q, p = len(state.P), len(bank.which), len(state.lower)
     bank.onset[row] = now
     bank.chi2_at[row], bank.used_at[row] = bank.now[0]["chi2"], bank.now[0]["used"]
     for i in range(q):
         c = row * q + i
-        for a in range(len(bank.D)):
-            bank.D[a, c] = 0.0
-        bank.D[bank.which[i], c] = 1.0
-        bank.J[c] = bank.d[c] = 0.0
-    P = state.P
-    for a in range(P.shape[0]):
-        for b in range(P.shape[1]):
-            bank.kept_P[row, a, b] = P[a, b]
-    for a in range(p):
-        bank.kept_xi[row, a] = state.theta[a]
-    for a in range(len(bank.D) - p):
-        bank.kept_xi[row, p + a] = state.X[a, 0]
+        for a in range(m):
+            columns.D[a, c] = 0.0
+        columns.D[bank.which[i], c] = 1.0
+        columns.J[c] = columns.d[c] = 0.0
+    for a in range(m):
+        copy(kept, a, state.P, a)
+        kept[m, a] = state.theta[a] if a < p else state.X[a - p, 0]
 
 
 @fused
@@ -160,10 +149,9 @@ def weigh(bank, now):
     """
     Write size and weight of every hypothesis, and κ; return the logarithm of the odds of any jump.
 
-    exp ℓ = exp(½ d ν̂/κ) prior/√(1 + J σ²/κ) has a root in the place of a logarithm; ℓ itself is
-    from `write_evidence`.
+    exp ℓ = exp(½ d ν̂/κ) prior/√(1 + J σ²/κ) has a root in the place of a logarithm.
     """
-    J, d, size, weight, b = bank.J, bank.d, bank.size, bank.weight, bank.now[0]
+    J, d, size, weight, b = bank.columns.J, bank.columns.d, bank.size, bank.weight, bank.now[0]
     precision, prior = bank.precision, bank.prior
     q, H, least = len(bank.which), len(weight), b["misfit"]
     for s in range(len(bank.onset)):
@@ -195,11 +183,10 @@ def weigh(bank, now):
         weight[c] = np.exp(weight[c] - highest)
     for c in range(H):
         weight[c] /= np.sqrt(1.0 + J[c] / (kappa * precision[c]))
-    total, none = _total(weight), np.exp(-highest)
-    share = 1.0 / (total + none)
+    total = _total(weight)
+    share = 1.0 / (total + np.exp(-highest))
     for c in range(H):
         weight[c] *= share
-    b["none"] = none * share
     return np.log(max(total, 1e-300)) + highest
 
 
@@ -212,33 +199,15 @@ def _total(a):
     return total
 
 
-@inlined
-def write_evidence(bank, now):
-    """Write ℓ of every hypothesis, for whoever has to look."""
-    q, kappa, base = len(bank.which), bank.now[0]["kappa"], bank.now[0]["base"]
-    for s in range(len(bank.onset)):
-        for i in range(q):
-            c = s * q + i
-            if 0 <= bank.onset[s] != now and bank.variance[i] > 0.0:
-                bank.evidence[c] = (
-                    0.5 * bank.d[c] * bank.size[c] / kappa
-                    - 0.5 * np.log1p(bank.J[c] * bank.variance[i] / kappa)
-                    + bank.log_prior[i]
-                    + np.log(float(base << level_of(s)))
-                )
-            else:
-                bank.evidence[c] = -np.inf
-
-
 @fused
 def mean_of(bank, theta, lower, upper):
     """Write the mean of θ (p,) over all hypotheses."""
-    mixed = bank.mixed
-    part = bank.moved[-1]  # which has done its work and lends its place
+    mixed, columns = bank.mixed, bank.columns
+    part = columns.moved[-1]  # which has done its work and lends its place
     for c in range(len(part)):
         part[c] = bank.weight[c] * bank.size[c]
     for a in range(len(mixed)):
-        mixed[a] = min(max(theta[a] + _sum(part, bank.D[a]), lower[a]), upper[a])
+        mixed[a] = min(max(theta[a] + _sum(part, columns.D[a]), lower[a]), upper[a])
 
 
 @summed

@@ -12,13 +12,11 @@ that begins where this one is.
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexaxis.estimators.glr.bank import Columns
 from flexaxis.estimators.models.compiler import fused, inlined
-from flexaxis.estimators.models.memory import Matrix, Memory, Vector
+from flexaxis.estimators.models.memory import Memory, Vector
 from flexaxis.estimators.models.rows import multiply
-
-Array = NDArray[np.float64]
 
 ALARM = 20.0  # nats by which a wave explains more than it costs: three times those of a jump, as
 # it stays for good, and as friction that is still being learnt makes columns wrong
@@ -29,27 +27,17 @@ FASTEST = 2.0  # radians that a wave may turn in a period at the rms speed; torq
 
 class Waves(NamedTuple):
     """
-    Columns of sine and cosine of K waves.
+    Sine and cosine of K waves.
 
     Attributes
     ----------
-    D, moved : (m, 2K), (n+1, 2K) arrays
-        δ, and what a sample makes of it.
-    J, d, pull : (2K,) arrays
-        Sums of each, and its torque.
+    columns : Columns
+    pull : (2K,) array
+        Torque of each.
     """
 
-    D: Matrix
-    moved: Matrix
-    J: Vector
-    d: Vector
+    columns: Columns
     pull: Vector
-
-
-def wave_arrays(m: int, n: int, waves: int) -> dict[str, Array]:
-    """Return the arrays of `Waves` for m unknowns, of which n are states, by name."""
-    columns = {"wave_D": np.zeros((m, 2 * waves)), "wave_moved": np.zeros((n + 1, 2 * waves))}
-    return columns | {name: np.zeros(2 * waves) for name in ("wave_J", "wave_d", "pull")}
 
 
 @inlined
@@ -58,8 +46,7 @@ def look_for_waves(b, pull, now, axis):
     speed, read = axis.lanes[1, 0, 0], now["prediction"]  # w̄ of friction, the first law
     if not np.isnan(now["innovation"]):  # where the model is wrong, its angle soon is
         read += now["innovation"]
-    mean = b["mean_speed"]
-    b["angle"] += b["period"] * (mean[0] * read + mean[1] * b["read"])
+    b["angle"] += b["period"] * (b["mean_speed"][0] * read + b["mean_speed"][1] * b["read"])
     b["read"] = read
     angle = b["angle"] + 0.5 * b["period"] * speed
     sine, cosine, s, c = 0.0, 1.0, np.sin(angle), np.cos(angle)
@@ -69,13 +56,13 @@ def look_for_waves(b, pull, now, axis):
 
 
 @fused
-def carry_waves(waves, response, steps, G):
+def carry_waves(waves, axis, G):
     """Take the columns over the last sample, with what the torques did in it."""
-    moved, pull = waves.moved, waves.pull
-    multiply(G, waves.D, moved)
+    moved, pull, response = waves.columns.moved, waves.pull, axis.response
+    multiply(G, waves.columns.D, moved)
     for i in range(len(moved)):  # friction brakes where cogging drives
         k = i if i < len(moved) - 1 else response.shape[1] - 1
-        push = -response[0, k, 0] * steps
+        push = -response[0, k, 0] * axis.sizes[0]["steps"]
         for c in range(len(pull)):
             moved[i, c] += push * pull[c]
 
@@ -83,7 +70,7 @@ def carry_waves(waves, response, steps, G):
 @inlined
 def begin_waves(b, waves):
     """Forget all torques: the axis begins to move."""
-    waves.D[:] = 0.0
+    waves.columns.D[:] = 0.0
     b["angle"] = b["read"] = 0.0
     begin_sums(b, waves)
 
@@ -91,8 +78,8 @@ def begin_waves(b, waves):
 @inlined
 def begin_sums(b, waves):
     """Forget all evidence: the filter is no longer thrown about, as by its first samples."""
-    waves.J[:] = 0.0
-    waves.d[:] = 0.0
+    waves.columns.J[:] = 0.0
+    waves.columns.d[:] = 0.0
     b["repeated"] = b["z_before"] = b["chi2"] = b["used"] = 0.0
 
 

@@ -16,13 +16,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.glr.bank import NEVER, level_of
+from flexaxis.estimators.glr.bank import ALARM, NEVER, level_of
 from flexaxis.estimators.glr.workspace import Workspace
 from flexaxis.estimators.protocol import Finding
 
 Array = NDArray[np.float64]
 
-ALARM = 7.0  # nats, odds of any jump against none from which on candidates are compared
 LEAD = 4.5  # nats, of a candidate over each other parameter: 90 to 1
 CANDIDATES = 3  # parameters that are filtered again
 PASSES = 3  # of Gauss and Newton, at most, for each
@@ -31,6 +30,7 @@ AGAIN = 5  # after a comparison without a result, the next one follows after a f
 REVIEWS = (0.15, 0.3, 0.6, 1.0)  # of the time until a name is final, when it is looked at again
 HOPELESS = ALARM + LEAD  # nats behind the accepted candidate, to drop a candidate for good
 LEAST = 0.02  # smallest relative change that is reported; a smaller one corrects the estimate
+FIELDS = ("J", "d", "size", "precision", "prior")  # of the bank, for each slot and parameter
 Z95 = 1.96  # standard deviations on both sides that hold 95 %
 
 
@@ -41,8 +41,10 @@ class _Candidate:
 
     Attributes
     ----------
-    which : int
-        Place of the parameter among those that jump.
+    index : int
+        Of the parameter in θ.
+    variance : float
+        Of its jumps.
     onset : int
         Sample.
     size : float
@@ -61,7 +63,8 @@ class _Candidate:
         Logarithm, against the filter as it is.
     """
 
-    which: int
+    index: int
+    variance: float
     onset: int
     size: float
     xi: Array
@@ -76,6 +79,11 @@ class _Candidate:
     total: float = 0.0
     passes: int = 0
 
+    @property
+    def before(self) -> float:
+        """Value of the parameter at the onset."""
+        return float(self.xi[self.index]) or 1e-12
+
 
 class Comparison:
     """
@@ -86,45 +94,42 @@ class Comparison:
     work : Workspace
     origin : int
         Sample at which the filter began.
+    findings : sequence of Finding
+        Of what began before.
 
     Attributes
     ----------
+    origin
     findings : list of Finding
     """
 
-    def __init__(self, work: Workspace, origin: int = 0) -> None:
-        self._work, self._origin = work, origin
-        self.findings: list[Finding] = []
-        self._candidates: list[_Candidate] = []
-        self._todo: list[_Candidate] = []
-        self._others: list[float] = []  # evidence of the other parameters
-        self._rest: list[_Candidate] = []  # what the last finding may still give way to
-        self._reviews: list[int] = []
+    def __init__(self, work: Workspace, origin: int, findings: Sequence[Finding]) -> None:
+        self._work, self.origin, self.findings = work, origin, list(findings)
         self._path = 0.0
-        self._told = (0, 1.0)  # what the last finding names, and its value before
-        self._chosen: _Candidate | None = None
+        self._last: _Candidate  # what was accepted last
+        self.forget()
 
     def begin(self) -> None:
         """Compare the best candidates of the bank, and those that may replace the last finding."""
-        best = self._best()
-        if best:
-            self._compare([*best, *self._rest])
+        self._compare([*self._best(), *self._rest])
 
     def review(self) -> None:
         """Compare the last finding again with its rivals, and update its size."""
-        self._others = []
-        rest, work = self._rest, self._work
-        i, before = self._told
-        theta, P = work.states["theta"][0, i], work.states["P"][0, i, i]
-        self.findings[-1] = replace(self.findings[-1], **_sized(before, theta, np.sqrt(P)))
+        self._others: list[float] = []  # evidence of the other parameters
+        rest, states, last = self._rest, self._work.states, self._last
+        theta, P = states["theta"][0, last.index], states["P"][0, last.index, last.index]
+        self.findings[-1] = replace(self.findings[-1], **_sized(last.before, theta, np.sqrt(P)))
         self._schedule()
         if rest:
             self._compare(rest)
 
     def forget(self) -> None:
         """Make the last finding final."""
-        self._rest, self._reviews, self._work.bank["due"] = [], [], NEVER
-        self._candidates, self._todo, self._chosen = [], [], None
+        self._work.bank["due"] = NEVER
+        self._candidates: list[_Candidate] = []
+        self._todo: list[_Candidate] = []
+        self._rest: list[_Candidate] = []  # what the last finding may still give way to
+        self._chosen: _Candidate | None = None
 
     def go_on(self) -> bool:
         """Continue after a pass has ended; return whether a jump was detected."""
@@ -141,39 +146,44 @@ class Comparison:
         ):
             self._todo.pop(0)
         if self._todo:
-            self._pass(self._todo[0])
+            self._pass(self._todo[0], self._now)
         else:
             self._decide()
         return False
 
     def _best(self) -> list[_Candidate]:
         """Return the best onset of each of the best parameters."""
-        bank, q = self._work.bank, len(self._work.jumps.which)
-        table = bank["evidence"].reshape(-1, q)
-        rows = table.argmax(axis=0)
-        best = table[rows, range(q)]
-        spread = _between_onsets(table, bank["size"].reshape(-1, q))
-        order = [int(i) for i in np.argsort(-best) if np.isfinite(best[i])]
-        self._others = [float(best[i]) for i in order[CANDIDATES:]]
+        bank, which = self._work.bank, self._work.bank["which"]
+        fields = (bank[name].reshape(-1, len(which)) for name in FIELDS)
+        J, d, size, precision, prior = fields
+        gain = d * size / bank["kappa"] - np.log1p(J / (bank["kappa"] * precision))
+        evidence = 0.5 * gain + prior
+        rows, best = evidence.argmax(axis=0), evidence.max(axis=0)
+        order = [int(j) for j in np.argsort(-best) if np.isfinite(best[j])]
+        self._others = [float(best[j]) for j in order[CANDIDATES:]]
         found = []
-        earlier = {c.which: c for c in self._candidates if not c.instead}
-        for i in order[:CANDIDATES]:
-            row, spacing = rows[i], self._work.timing.base << level_of(int(rows[i]))
-            path = self._path + float(bank["log_prior"][i]) + float(np.log(spacing))
-            before, onset = earlier.get(i), int(bank["onset"][row])
+        earlier = {c.index: c for c in self._candidates if not c.instead}
+        for j in order[:CANDIDATES]:
+            row, i = rows[j], int(which[j])
+            likely = np.exp(evidence[:, j] - best[j])
+            spread = float(np.cov(size[:, j], aweights=likely, bias=True)) ** 0.5
+            path, onset = self._path + float(prior[row, j]), int(bank["onset"][row])
+            before, spacing = earlier.get(i), self._work.timing.base << level_of(int(row))
             if before and abs(before.onset - onset) < spacing:  # from when the grid was finer
-                found.append(replace(before, path=path, spread=float(spread[i])))
+                found.append(replace(before, path=path, spread=spread))
                 continue
+            kept = bank["kept"][row].copy()
             found.append(
                 _Candidate(
-                    which=i,
+                    index=i,
+                    variance=float(bank["variance"][j]),
                     onset=onset,
-                    size=float(bank["size"][row * q + i]),
-                    xi=bank["kept_xi"][row].copy(),
-                    P=bank["kept_P"][row].copy(),
+                    size=float(size[row, j]),
+                    xi=kept[-1, : len(kept) - 1],
+                    P=kept[:-1],
                     chi2=float(bank["chi2_at"][row]),
                     path=path,
-                    spread=float(spread[i]),
+                    spread=spread,
                 )
             )
         return found
@@ -184,33 +194,31 @@ class Comparison:
         for candidate in candidates:
             candidate.passes = 0
         self._kappa, self._now = float(bank["kappa"]), int(bank["taken"])
-        self._chi2, self._before = float(bank["chi2"]), self._path
-        self._pass(self._todo[0])
+        self._chi2 = float(bank["chi2"])
+        self._pass(self._todo[0], self._now)
 
     def _inside(self, candidate: _Candidate) -> float:
         """Return the size of a jump, limited by the bounds of the parameter."""
-        i, design = self._work.jumps.which[candidate.which], self._work.design
+        i, design = candidate.index, self._work.design
         start = candidate.xi[i]
         return float(np.clip(start + candidate.size, design.lower[i], design.upper[i]) - start)
 
-    def _pass(self, candidate: _Candidate, *, follow: bool = False) -> None:
-        """Filter the samples since an onset again, with the jump."""
-        i, bank = self._work.jumps.which[candidate.which], self._work.bank
+    def _pass(self, candidate: _Candidate, end: int | None) -> None:
+        """Filter the samples since an onset again, with the jump, as `Workspace.go_through`."""
+        i, bank = candidate.index, self._work.bank
         candidate.size = self._inside(candidate)
         xi = candidate.xi.copy()
         xi[i] += candidate.size
-        self._work.go_through(xi, candidate.P, candidate.onset, first=True, follow=follow)
-        bank["delta"] = 0.0
-        bank["delta"][i] = 1.0
-        if not follow:
-            bank["end"] = self._now
+        self._work.go_through(xi, candidate.P, candidate.onset, first=True, end=end)
+        bank["one_D"] = 0.0
+        bank["one_D"][i] = 1.0
 
     def _weigh(self, candidate: _Candidate) -> float:
         """Return the Gauss–Newton step after a pass, and update the evidence."""
         bank = self._work.bank
-        variance = bank["variance"][candidate.which]
-        J, prior = float(bank["J_one"]) / self._kappa, 1.0 / float(variance)
-        step = (float(bank["d_one"]) / self._kappa - candidate.size * prior) / (J + prior)
+        J, d = (float(bank[name][0]) / self._kappa for name in ("one_J", "one_d"))
+        prior = 1.0 / candidate.variance
+        step = (d - candidate.size * prior) / (J + prior)
         candidate.passes += 1
         candidate.deviation = (J + prior) ** -0.5
         candidate.penalty = candidate.path - 0.5 * (
@@ -219,7 +227,7 @@ class Comparison:
         candidate.total = float(bank["chi2_one"]) + candidate.chi2
         explained = 0.5 * (self._chi2 - candidate.total) / self._kappa
         ahead = 0.5 * J * step**2 + prior * step * (candidate.size + step)  # what the step explains
-        evidence = explained + ahead + candidate.penalty - self._before
+        evidence = explained + ahead + candidate.penalty - self._path
         candidate.evidence = evidence if np.isfinite(evidence) else -np.inf
         return step
 
@@ -230,13 +238,13 @@ class Comparison:
         others = [
             c.evidence
             for c in self._candidates
-            if (c.which, c.instead) != (best.which, best.instead)
+            if (c.index, c.instead) != (best.index, best.instead)
         ]
         lead = best.evidence - max([0.0, *others, *self._others])
         bank = self._work.bank
         if best.evidence > (LEAD if best.instead else ALARM) and lead > LEAD:
             self._chosen = best
-            self._pass(best, follow=True)
+            self._pass(best, None)
             return
         bank["busy"] = 0
         if not all(c.instead for c in self._candidates):
@@ -246,7 +254,7 @@ class Comparison:
         """Continue from the accepted candidate; return whether the jump is reported."""
         work, self._chosen = self._work, None
         bank = work.bank
-        step, delta = self._weigh(chosen), bank["delta"].copy()
+        step, delta = self._weigh(chosen), bank["one_D"][:, 0].copy()
         chosen.deviation = float(np.hypot(chosen.deviation, chosen.spread))
         if not np.isfinite(step):
             self._candidates = []
@@ -257,41 +265,38 @@ class Comparison:
         work.states["P"][1][:, : len(delta)] += np.outer(delta, delta) * chosen.deviation**2
         work.adopt()
         bank["chi2"], self._path = chosen.total, chosen.penalty
-        told = self._tell(chosen)
+        self._last, told = chosen, self._tell(chosen)
         self._rest = [
             replace(c, instead=True)
             for c in self._candidates
             if c is not chosen and c.instead == chosen.instead
         ]
         self._candidates = []
-        final = work.timing.review
-        self._reviews = [chosen.onset + round(part * final) for part in REVIEWS]
-        self._schedule()
-        if not told:
+        if told:
+            self._schedule()
+        else:
             self.forget()
         return told and not chosen.instead
 
     def _schedule(self) -> None:
         """Schedule the next review of the last finding, or make it final."""
-        self._reviews = [at for at in self._reviews if at > self._work.now]
-        if self._reviews:
-            self._work.bank["due"] = self._reviews[0]
-        else:
+        work, onset = self._work, self._last.onset
+        reviews = (onset + round(part * work.timing.review) for part in REVIEWS)
+        work.bank["due"] = next((at for at in reviews if at > work.now), NEVER)
+        if work.bank["due"] == NEVER:
             self.forget()
 
     def _tell(self, chosen: _Candidate) -> bool:
         """Store the detected jump, and return whether it is large enough to report."""
-        i = self._work.jumps.which[chosen.which]
-        before = float(chosen.xi[i]) or 1e-12
+        before = chosen.before
         if abs(chosen.size) < LEAST * abs(before):
             if chosen.instead:  # what it gives way to has not happened
                 self.findings[-1:] = []
             return False
-        self._told = i, before
         finding = Finding(
-            self._work.now + self._origin,
-            chosen.onset + self._origin,
-            (self._work.names[i],),
+            self._work.now + self.origin,
+            chosen.onset + self.origin,
+            (self._work.names[chosen.index],),
             **_sized(before, before + chosen.size, chosen.deviation),
         )
         if chosen.instead and self.findings:
@@ -299,14 +304,6 @@ class Comparison:
         else:
             self.findings.append(finding)
         return True
-
-
-def _between_onsets(evidence: Array, sizes: Array) -> Array:
-    """Return the standard deviation of sizes (q,) over onsets, both (slots, q)."""
-    weight = np.exp(evidence - evidence.max(axis=0, initial=-1e300))
-    weight /= np.maximum(weight.sum(axis=0), 1e-300)
-    mean = (weight * sizes).sum(axis=0)
-    return np.asarray(np.sqrt((weight * (sizes - mean) ** 2).sum(axis=0)))
 
 
 def _sized(before: float, after: float, deviation: float) -> dict[str, Any]:

@@ -1,21 +1,18 @@
 """A joint Kalman filter with a bank of hypotheses, as an estimator."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.filters.design import Design
 from flexaxis.estimators.filters.fault_monitor import begin_anew
 from flexaxis.estimators.filters.filter import RecursiveEstimator
-from flexaxis.estimators.filters.joint import joint_arrays
 from flexaxis.estimators.glr.cogging import strongest_wave
-from flexaxis.estimators.glr.comparison import ALARM, Comparison
+from flexaxis.estimators.glr.comparison import Comparison
 from flexaxis.estimators.glr.first_seconds import FirstSeconds
 from flexaxis.estimators.glr.loop import glr
-from flexaxis.estimators.glr.records import Jumps, Timing, bank_of
+from flexaxis.estimators.glr.records import BUDGET
 from flexaxis.estimators.glr.workspace import Workspace, take_up
-from flexaxis.estimators.models.memory import Memory
 from flexaxis.estimators.protocol import Finding
 
 Array = NDArray[np.float64]
@@ -29,28 +26,10 @@ class Glr(RecursiveEstimator):
 
     Parameters
     ----------
-    design : Design
-        Its parameters: first the tracked ones, then those that are learnt once.
-    tracked : int
-        Number of tracked parameters, the estimates.
-    jumps : Jumps
-    timing : Timing
-    told : sequence of mapping of str to float
-        Groups of parameters with values to which the estimates shrink unless the data contradict,
-        see `flexaxis.estimators.filters.constrained`.
-    fixable : mapping of str to str
-        Parameters that are fixed if the data do not excite them, with the reason for
-        `fixed_because`.
-    shapes : mapping of tuple of str to tuple of str
-        Levels of dry friction, and the shape parameters that matter if a level is not zero.
-    waves : int
-        Largest number of cogging waves per turn to look for; 0 for none.
-    angle : int
-        Index of the motor angle among the states, even if the model lacks it.
-    torque_noise : mapping of str to float
-        Its numbers, see `flexaxis.estimators.filters.state`; empty for a filter without it.
-    richer : Glr, optional
-        Filter with cogging as its last law, which takes over if cogging is found.
+    plain : Workspace
+        Before the first sample.
+    rich : Workspace, optional
+        With cogging as the last law, which takes over if cogging is found.
 
     Attributes
     ----------
@@ -65,82 +44,29 @@ class Glr(RecursiveEstimator):
         Value and standard deviation of all parameters.
     beliefs : dict of str to float
         Probability that each parameter has jumped within the time that the bank covers.
-    hypotheses : dict of str to (H, 3) array
-        The hypotheses for each parameter, the latest first: samples since the jump, probability,
-        and size.
     fixed_because : dict of str to str
         Parameters that were not learnt, with the reason.
     cogging : int
         Number of cogging waves per turn that were found; 0 for none.
     """
 
-    def __init__(
-        self,
-        design: Design,
-        *,
-        tracked: int,
-        jumps: Jumps,
-        timing: Timing,
-        told: Sequence[Mapping[str, float]],
-        fixable: Mapping[str, str],
-        shapes: Mapping[tuple[str, ...], tuple[str, ...]],
-        waves: int = 0,
-        angle: int = 0,
-        torque_noise: Mapping[str, float],
-        richer: "Glr | None" = None,
-    ) -> None:
-        names = design.model.names
-        super().__init__(names[:tracked], design.output)
-        values = {
-            names.index(name): value / design.scale[names.index(name)]
-            for group in told
-            for name, value in group.items()
-        }
-        groups = [[names.index(name) for name in group] for group in told if group]
-        arrays = joint_arrays(design, rests=True, **torque_noise)
-        arrays["drift"] = np.diag(jumps.walk)
-        bank = bank_of(
-            design,
-            jumps,
-            timing,
-            alarm=ALARM,
-            groups=[(g, [values[i] for i in g]) for g in groups],
-            tracked=tracked,
-            waves=waves,
-        )
-        at = {
-            tuple(names.index(n) for n in levels): tuple(names.index(n) for n in of)
-            for levels, of in shapes.items()
-        }
-        states = Memory(arrays, times=2)
-        self._plain = Workspace(
-            design, jumps, timing, tracked, values, dict(fixable), at, angle, states, bank, states
-        )
-        self._rich = richer._plain if richer else None
+    def __init__(self, plain: Workspace, rich: Workspace | None = None) -> None:
+        super().__init__(plain.names[: plain.tracked], plain.design.output)
+        self._plain, self._rich = plain, rich
         self.reset()
         self.run([], [])  # what it compiles it compiles now, not in the first step
 
     def _start(self) -> None:
-        self._before: list[Finding] = []
-        self._begin_at(0, self._plain.fresh())
+        self._begin_at(0, self._plain.copy())
 
-    def _begin_at(self, origin: int, work: Workspace) -> None:
-        """Prepare for the first sample, or for a repeated pass over the initialisation data."""
-        # together, as a copy copies them
-        self._parts = work, Comparison(work, origin), FirstSeconds(work)
-        self._origin, self.alarm = origin, False
+    def _begin_at(self, origin: int, work: Workspace, findings: Sequence[Finding] = ()) -> None:
+        """Prepare for the first sample, or for the first one after a reset."""
+        self._work, self._learning = work, FirstSeconds(work)
+        self._comparison, self.alarm = Comparison(work, origin, findings), False
         self.fixed_because: dict[str, str] = {}
         self.cogging = 0
         if work.timing.first == 0:
             work.bank["awake"] = 1
-
-    @property
-    def _work(self) -> Workspace:
-        return self._parts[0]
-
-    @property
-    def _comparison(self) -> Comparison:
-        return self._parts[1]
 
     @property
     def theta(self) -> Array:  # noqa: D102
@@ -153,7 +79,7 @@ class Glr(RecursiveEstimator):
 
     @property
     def findings(self) -> tuple[Finding, ...]:  # noqa: D102
-        return (*self._before, *self._comparison.findings)
+        return tuple(self._comparison.findings)
 
     @property
     def learnt(self) -> dict[str, tuple[float, float]]:  # noqa: D102
@@ -163,11 +89,9 @@ class Glr(RecursiveEstimator):
 
     @property
     def beliefs(self) -> dict[str, float]:  # noqa: D102
-        return self._work.beliefs()
-
-    @property
-    def hypotheses(self) -> dict[str, Array]:  # noqa: D102
-        return self._work.hypotheses()
+        names, which = self._work.names, self._work.bank["which"]
+        by = self._work.bank["weight"].reshape(-1, len(which)).sum(axis=0).tolist()
+        return {names[i]: weight for i, weight in zip(which, by, strict=True)}
 
     def _take(
         self, u: Array, y: Array, valid: NDArray[np.bool_], estimates: Array, trace: Array
@@ -189,7 +113,7 @@ class Glr(RecursiveEstimator):
     def _attend(self) -> None:
         """Do what is due after a sample, now or when the budget of a later sample allows it."""
         work, bank = self._work, self._work.bank
-        cost = int(work.timing.budget * (COMPARING if bank["awake"] else LEARNING))
+        cost = int(BUDGET * (COMPARING if bank["awake"] else LEARNING))
         if work.states["anew"][0] > 0:
             self._begin_anew()
         elif not (work.caught_up if work.busy else bank["asks"]):
@@ -202,12 +126,12 @@ class Glr(RecursiveEstimator):
 
     def _decide(self) -> None:
         """Evaluate a pass that has ended, or start the next one."""
-        work, bank, learning = self._work, self._work.bank, self._parts[2]
+        work, bank = self._work, self._work.bank
         if not bank["awake"]:
             if work.busy:
-                learning.go_on()
+                self._learning.go_on()
             elif not self._take_up_cogging():  # else that is enough for one sample
-                self.fixed_because = learning.begin()
+                self.fixed_because = self._learning.begin()
         elif work.busy:
             self.alarm = self._comparison.go_on()
         elif 0 <= bank["due"] <= work.now:
@@ -217,14 +141,13 @@ class Glr(RecursiveEstimator):
 
     def _take_up_cogging(self) -> bool:
         """Continue with the filter that has a cogging law if the initialisation data show it."""
-        work, rich, wave = self._work, self._rich, None
-        if rich and work.bank["searching"]:
-            variance = float(rich.design.scale[-2]) ** 2
-            wave = strongest_wave(work.bank, variance)
-        if rich and wave:
-            richer = rich.fresh()
-            take_up(work, richer, wave)
-            self._begin_at(self._origin, richer)
+        work, wave = self._work, None
+        if self._rich and work.bank["searching"]:
+            wave = strongest_wave(work.bank, float(self._rich.design.scale[-2]) ** 2)
+        if self._rich and wave:
+            rich = self._rich.copy()
+            take_up(work, rich, wave)
+            self._begin_at(self._comparison.origin, rich, self.findings)
             self.cogging = wave[0]
         self._work.bank["searching"] = 0
         return wave is not None
@@ -242,6 +165,5 @@ class Glr(RecursiveEstimator):
             return
         begin_anew(work.states, work.begin)
         numbers, taken = work.states["now"].copy(), int(work.bank["taken"])
-        self._before = list(self.findings)
-        self._begin_at(self._origin + taken, self._plain.fresh())
+        self._begin_at(self._comparison.origin + taken, self._plain.copy(), self.findings)
         self._work.states["now"] = numbers

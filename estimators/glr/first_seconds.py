@@ -19,9 +19,10 @@ from flexaxis.estimators.offline.roles import seen
 
 Array = NDArray[np.float64]
 
+PASSES = 6  # largest number of passes
 NEAR = 0.3  # standard deviations that another pass may still want
 CLEAR = 3.0  # standard deviations above zero, from which on friction, play and stiffening are there
-OPEN = 10.0  # times the variance of what is learnt, with which it begins a pass: near enough for
+OPEN = 10.0  # times the variance of what is learnt, with which a pass begins: near enough for
 # the model to be linear there, and far enough for the data to decide
 
 LEAST = 0.9  # of the variance with which a pass begins; the walk of θ may leave as much of it
@@ -37,104 +38,90 @@ class FirstSeconds:
     """
 
     def __init__(self, work: Workspace) -> None:
-        self._work = work
-        self._fixed: list[int] = []
-        self._shapeless: list[int] = []  # what friction that is not there would be shaped by
-        self._free = np.arange(work.p)
-        self._open = np.zeros((work.p, work.p))  # what a start knows besides the prior
-        self._from = np.empty(0)
+        self._work, self._left = work, PASSES
+        self._best: tuple[Array, int] | None = None  # record, and the sample that it has come to
+        self._cost = np.inf  # −2 ln of the likelihood of the best pass
         self._next: Array | None = None  # where a pass begins that is still to be set up
-        self._best: tuple | None = None  # cost, record, and the sample that it has come to
-        self._left = work.timing.passes
-        self._catches_up = False
 
     def begin(self) -> dict[str, str]:
         """Fix parameters without excitation and return them with the reasons."""
-        work, bank, P = self._work, self._work.bank, self._work.states["P"][0]
-        theta, variance = work.states["theta"][0], np.diag(P)[: work.p]
+        work, bank, p = self._work, self._work.bank, self._work.p
+        theta, P = work.states["theta"][0], work.states["P"][0]
+        variance, told = np.diag(P)[:p], work.told
         known, absent = seen(variance, np.diag(work.design.P0)), theta**2 < CLEAR**2 * variance
-        fixable = [work.names.index(n) for n in work.fixable if n in work.names[work.tracked :]]
-        fixed = [i for i in fixable if not known[i] or (work.told[i] == 0.0 and absent[i])]
-        self._shapeless = [
-            i for levels, of in work.shapes.items() if absent[list(levels)].all() for i in of
+        fixed = [i for i in work.fixable if not known[i] or (told[i] == 0.0 and absent[i])]
+        self._shapeless = [  # what friction that is not there would be shaped by
+            i for levels, of in work.shapes if absent[levels].all() for i in of
         ]
-        held = np.flatnonzero(np.diag(work.begin["P"][0])[: work.p] == 0).tolist()
-        self._fixed = [*fixed, *self._shapeless, *held]
+        self._fixed = [*fixed, *self._shapeless]
         P[:, self._fixed] = P[self._fixed] = 0.0
-        for i in (*fixed, *self._shapeless):
-            theta[i] = work.told.get(i, work.begin["theta"][0, i])
-        if fixed:
-            bank["variance"][np.isin(work.jumps.which, fixed)] = 0.0
-        bank["mark"] = bank["taken"]
-        free = np.flatnonzero(np.diag(P)[: work.p] > 0)
-        self._free, learnt = free, P[np.ix_(free, free)]
-        self._open = np.linalg.inv(OPEN * learnt)
-        self._next, bank["busy"], bank["end"] = theta.copy(), 1, bank["at"]
-        return {work.names[i]: work.fixable[work.names[i]] for i in fixed}
+        for i in self._fixed:
+            theta[i] = told.get(i, work.begin["theta"][0, i])
+        bank["variance"][np.isin(bank["which"], fixed)] = 0.0
+        self._free = np.flatnonzero(np.diag(P)[:p] > 0)
+        block = np.ix_(self._free, self._free)
+        self._start = work.begin["P"][0].copy()
+        self._start[:, self._fixed] = self._start[self._fixed] = 0.0
+        self._prior = np.linalg.inv(self._start[block])
+        self._open = np.linalg.inv(OPEN * P[block])
+        self._start[block] = np.linalg.inv(self._prior + self._open)
+        self._next = theta.copy()
+        bank["mark"], bank["busy"], bank["end"] = bank["taken"], 1, bank["at"]
+        return {work.names[i]: work.fixable[i] for i in fixed}
 
     def _pass(self, theta: Array) -> None:
-        work, begin = self._work, self._work.begin
-        P, n, free = begin["P"][0].copy(), begin["gain"].shape[1] - work.p, self._free
-        P[:, self._fixed] = P[self._fixed] = 0.0
-        told = np.linalg.inv(P[np.ix_(free, free)])
-        P[np.ix_(free, free)] = np.linalg.inv(told + self._open)
-        start = np.r_[theta, begin["X"][0, :n, 0]]
-        work.go_through(start, P, int(work.bank["born"]), first=False, follow=True)
-        work.states["X"][1] = begin["X"][0]
-        self._from = theta
+        """Filter the samples again from θ (p,)."""
+        work, begin = self._work, self._work.begin["X"][0]
+        xi = np.r_[theta, begin[: len(self._start) - work.p, 0]]
+        work.go_through(xi, self._start, int(work.bank["born"]), first=False, end=None)
+        work.states["X"][1], self._from = begin, theta
 
-    def go_on(self) -> bool:
+    def go_on(self) -> None:
         """
-        Go on from where a pass has come to; return whether it was the last.
+        Go on from where a pass has come to.
 
         A pass is judged after one sample and the next one set up after another, as either takes as
         long as many samples.
         """
-        work, bank = self._work, self._work.bank
+        work, states = self._work, self._work.states
         if self._next is not None:
             self._pass(self._next)
             self._next = None
-            return False
-        if not self._catches_up:
-            theta, deviation = self._weigh_once()
-            cost = float(bank["cost_first"]) if np.isfinite(theta).all() else np.inf
-            better = self._best is None or cost < self._best[0]
-            if better:
-                self._best = cost, work.states.block[1].copy(), int(bank["at"])
-            free = deviation > 0
-            step = np.abs((theta - self._from)[free] / deviation[free]).max(initial=0.0)
-            self._left -= 1
-            if better and step > NEAR and self._left:
-                self._next = theta
-                return False
-            assert self._best is not None
-            work.states.block[1], bank["at"] = self._best[1:]
-            bank["end"], self._catches_up = bank["taken"], True
-        if work.caught_up:
-            if np.isfinite(work.states["theta"][1]).all():
-                P = work.states["P"][1]
-                P[self._shapeless, self._shapeless] = np.diag(work.design.P0)[self._shapeless]
-                work.adopt()
-            work.empty()
-            bank["awake"] = 1
-        return not work.busy
+            return
+        if self._left:
+            self._judge(states["theta"][1], states["P"][1])
+        if self._left or not work.caught_up:
+            return
+        if np.isfinite(states["theta"][1]).all() and np.isfinite(states["P"][1]).all():
+            P0 = np.diag(work.design.P0)
+            states["P"][1][self._shapeless, self._shapeless] = P0[self._shapeless]
+            work.adopt()
+        work.empty()
+        work.bank["awake"] = 1
 
-    def _weigh_once(self) -> tuple[Array, Array]:
-        """Take back what the start of a pass has added; return θ and its deviations (p,)."""
-        work, p = self._work, self._work.p
-        theta, whole = work.states["theta"][1], work.states["P"][1]
-        free, m = self._free, len(whole)
-        P = whole[:, free].copy()
-        if not np.isfinite(P).all():  # the pass has come to nothing, and is left
-            theta[:] = np.nan
-            return np.full(p, np.nan), np.zeros(p)
-        root = np.linalg.cholesky(self._open)
-        told, ways = np.linalg.eigh(root.T @ P[free] @ root)  # of P D, which is below one
-        ways = root @ ways / np.sqrt(1.0 - np.minimum(told, LEAST))
-        whole[:, :m] += P @ ways @ (P @ ways).T
-        apart = self._from - work.begin["theta"][0]
-        apart[self._fixed] = 0.0
+    def _judge(self, theta: Array, P: Array) -> None:
+        """Begin another pass from θ (p,) if it is worth it, or return to the best pass."""
+        bank, block = self._work.bank, self._work.states.block
+        self._left -= 1
+        if np.isfinite(P).all() and bank["cost_first"] < self._cost:
+            self._count_once(theta, P)
+            self._best = block[1].copy(), int(bank["at"])
+            self._cost, variance = float(bank["cost_first"]), np.diag(P)[: len(theta)]
+            steps = (theta - self._from)[variance > 0] ** 2 / variance[variance > 0]
+            if self._left and steps.max(initial=0.0) > NEAR**2:
+                self._next = theta.copy()
+                return
+        if self._best is not None:
+            block[1], bank["at"] = self._best
+        bank["end"], self._left = bank["taken"], 0
+
+    def _count_once(self, theta: Array, P: Array) -> None:
+        """Take back what the start of a pass has added to θ (p,) and P (m, w)."""
+        work, free = self._work, self._free
+        columns, root = P[:, free].copy(), np.linalg.cholesky(self._open)
+        left, ways = np.linalg.eigh(root.T @ columns[free] @ root)  # of P D, which is below one
+        ways = columns @ root @ ways / np.sqrt(1.0 - np.minimum(left, LEAST))
+        P[:, : len(P)] += ways @ ways.T
         gained = self._open @ (theta - self._from)[free]
-        gained -= np.linalg.solve(work.design.P0, apart)[free]
-        work.move(whole[:, free] @ gained)
-        return theta.copy(), np.sqrt(np.maximum(np.diag(whole)[:p], 0.0))
+        gained -= self._prior @ (self._from - work.begin["theta"][0])[free]
+        work.move(P[:, free] @ gained)

@@ -5,18 +5,17 @@ import numpy as np
 from flexaxis.estimators.filters.constrained import draw_estimates
 from flexaxis.estimators.filters.joint import Joint, look, predict, update
 from flexaxis.estimators.filters.noise import CLIP, judge, show
-from flexaxis.estimators.glr.bank import (
-    NEVER,
-    carry_columns,
-    mean_of,
-    open_slots,
-    weigh,
-    write_evidence,
+from flexaxis.estimators.glr.bank import ALARM, NEVER, correct, mean_of, open_slots, weigh
+from flexaxis.estimators.glr.cogging import (
+    begin_sums,
+    begin_waves,
+    carry_waves,
+    look_for_waves,
 )
-from flexaxis.estimators.glr.cogging import begin_sums, begin_waves, look_for_waves
-from flexaxis.estimators.glr.records import Bank
-from flexaxis.estimators.models.compiler import inlined, loop, summed
+from flexaxis.estimators.glr.records import BUDGET, Bank
+from flexaxis.estimators.models.compiler import inlined, loop
 from flexaxis.estimators.models.memory import views
+from flexaxis.estimators.models.rows import multiply
 from flexaxis.estimators.models.series import LAWS
 
 LEARNS = (0.02, 0.003)  # change of ln of the variance of the torque noise per sample, over
@@ -31,8 +30,8 @@ def glr(blocks, at, bank_block, bank_at, u, y, valid, estimates, trace):  # noqa
     """
     Process samples until a decision is due, and return their number.
 
-    ``blocks`` are two joint filters. The second one filters old samples again, at most ``budget``
-    of them in each new sample; ``left`` is the unused rest.
+    ``blocks`` are two joint filters. The second one filters old samples again, at most `BUDGET` of
+    them in each new sample; ``left`` is the unused rest.
     """
     state, second = views(Joint, blocks[0], at), views(Joint, blocks[1], at)
     bank = views(Bank, bank_block, bank_at)
@@ -42,7 +41,7 @@ def glr(blocks, at, bank_block, bank_at, u, y, valid, estimates, trace):  # noqa
         if b["busy"] > 0 and b["at"] >= b["end"]:
             return 0
     for k in range(len(u)):
-        b["left"] = b["budget"]
+        b["left"] = BUDGET
         _measure(state, bank, u[k], y[k], valid[k])
         asks = _think(state, bank, estimates[k])
         show(state.now[0], trace[k])
@@ -61,12 +60,28 @@ def _measure(state, bank, u, y, valid):
     look(state)
     now = state.now[0]
     used = judge(now, y, valid, state.X[-1, 0], now["spread"])
-    row = bank.now[0]["taken"] % len(bank.history)
-    bank.history[row, 0], bank.history[row, 1], bank.history[row, 2] = u, used, now["noise"]
-    bank.history[row, 3] = now["torque_noise"]
+    kept = bank.history[bank.now[0]["taken"] % len(bank.history)]
+    kept[0], kept[1], kept[2], kept[3] = u, used, now["noise"], now["torque_noise"]
     e, S = used - state.X[-1, 0], now["spread"] + now["noise"]
     update(state, used, now["noise"])
-    carry_columns(bank, state, e, S)
+    _carry(bank, state, e, S)
+
+
+@inlined
+def _carry(bank, state, e, S):
+    """Take the columns of the bank over the last sample and through its measurement."""
+    b, z = bank.now[0], 0.0
+    if b["searching"] > 0:
+        carry_waves(bank.waves, state.axis, state.G)
+        z = correct(bank.waves.columns, state, e, S)
+        b["repeated"] += z * b["z_before"]
+        b["z_before"] = b["z_before"] if np.isnan(e) else z
+    elif b["awake"] > 0:
+        multiply(state.G, bank.columns.D, bank.columns.moved)
+        z = correct(bank.columns, state, e, S)
+    b["chi2"] += z * z
+    if not np.isnan(e):
+        b["used"] += 1.0
 
 
 @inlined
@@ -76,9 +91,8 @@ def _go_through(state, bank, latest):
     while b["left"] > 0 and b["at"] < b["end"]:
         b["left"] -= 1
         look(state)
-        row = b["at"] % len(bank.history)
-        torque, used, noise = bank.history[row, 0], bank.history[row, 1], bank.history[row, 2]
-        torque_noise = bank.history[row, 3]
+        kept = bank.history[b["at"] % len(bank.history)]
+        used, noise, torque_noise = kept[1], kept[2], kept[3]
         if b["awake"] == 0:  # noise was not known yet when these samples came
             noise = min(noise, latest["noise"])
             torque_noise = np.sqrt(torque_noise * latest["torque_noise"])
@@ -86,13 +100,17 @@ def _go_through(state, bank, latest):
         if b["measured"] == 0:
             e, S = used - state.X[-1, 0], state.now[0]["spread"] + noise
             update(state, used, noise)
-            _carry_one(bank, state, e, S)
+            multiply(state.G, bank.one.D, bank.one.moved)
+            z = correct(bank.one, state, e, S)
+            b["chi2_one"] += z * z
+            if not np.isnan(used):
+                b["cost_one"] += z * z + np.log(S)
         b["at"] += 1
         b["measured"] = 0
         b["rerun"] += 1
         if b["at"] == b["mark"]:
             b["cost_first"] = b["cost_one"]
-        predict(state, torque, LAWS)
+        predict(state, kept[0], LAWS)
 
 
 @inlined
@@ -108,12 +126,9 @@ def _think(state, bank, estimates):
     if b["awake"] > 0:
         _follow_misfit(b, state.now[0])
         open_slots(bank, state, now)
-        b["odds"] = weigh(bank, now)
-        mean_of(bank, state.theta, state.lower, state.upper)
-        if b["busy"] == 0 and b["odds"] > b["alarm"] and now >= b["patience"]:
+        if weigh(bank, now) > ALARM and b["busy"] == 0 and now >= b["patience"]:
             asks = True
-        if asks:
-            write_evidence(bank, now)
+        mean_of(bank, state.theta, state.lower, state.upper)
     else:
         if b["busy"] == 0:
             asks = asks or _has_moved(b, bank.waves, state.now[0], now)
@@ -174,28 +189,3 @@ def _follow_misfit(b, s):
     b["last"] = z
     rho = min(max(b["product"] / b["square"], 0.0), 0.95)
     b["misfit"] = max(1.0, b["square"] * (1.0 + rho) / (1.0 - rho))
-
-
-@summed
-def _carry_one(bank, state, e, S):
-    """Update the δ of the second filter over a sample, as `bank.carry_columns` does."""
-    delta, G, gain, moved, b = bank.delta, state.G, state.gain, bank.moved_one, bank.now[0]
-    m, n = len(delta), len(moved)
-    root = 0.0 if np.isnan(e) else 1.0 / np.sqrt(S)
-    phi = 0.0
-    for a in range(m):
-        phi += G[n, a] * root * delta[a]
-    for i in range(n):
-        moved[i] = 0.0
-        for a in range(m):
-            moved[i] += G[i, a] * delta[a]
-    for i in range(n):
-        delta[m - n + i] = moved[i]
-    if root > 0.0:
-        z = e * root
-        b["J_one"] += phi * phi
-        b["d_one"] += phi * z
-        b["chi2_one"] += z * z
-        b["cost_one"] += z * z + np.log(S)
-        for a in range(m):
-            delta[a] -= gain[a] * phi

@@ -1,16 +1,16 @@
-"""The bank of hypotheses before the first sample, the prior of jumps, and times in samples."""
+"""The bank of hypotheses before the first sample, and times in samples."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.filters.constrained import Told, told_arrays
+from flexaxis.estimators.filters.constrained import Told
 from flexaxis.estimators.filters.design import Design, at_least_zero
-from flexaxis.estimators.glr.bank import MORE, NEVER, PER_LEVEL
-from flexaxis.estimators.glr.cogging import Waves, wave_arrays
+from flexaxis.estimators.glr.bank import MORE, NEVER, PER_LEVEL, Columns
+from flexaxis.estimators.glr.cogging import Waves
 from flexaxis.estimators.models.meaning import moving_poles
 from flexaxis.estimators.models.memory import (
     Cube,
@@ -29,31 +29,8 @@ FIRST, REVIEW, MISFIT = 10.0, 2.6, 26.0  # time scales of the axis: of motion un
 # learnt, until a name is final, and of the memory of how well the model fits
 SPAN, FINEST = 2.8, 80  # time scales that the bank covers at least, and its finest spacings in one
 FEWEST, MOST = 80, 800  # samples of the time scale of an axis that does not swing
-PASSES = 6  # largest number of passes over the initialisation data
+JUMP = 0.3  # standard deviation of jumps of θ over its scale: faults are of 10 to 100 %
 BUDGET = 32  # largest number of old samples that are filtered again in each new one
-
-
-@dataclass(frozen=True)
-class Jumps:
-    """
-    How θ may jump, relative to its scale.
-
-    Attributes
-    ----------
-    which : tuple of int
-        The parameters that may.
-    size : (q,) array
-        Standard deviation of a jump.
-    rate : (q,) array
-        How often one comes [1/s].
-    walk : (p,) array
-        What the variances of θ gain in every sample besides.
-    """
-
-    which: tuple[int, ...]
-    size: Array
-    rate: Array
-    walk: Array
 
 
 @dataclass(frozen=True)
@@ -73,10 +50,6 @@ class Timing:
         Time after an onset in which the parameter may still be replaced.
     memory : int
         Memory of the misfit of the model.
-    budget : int
-        Largest number of old samples that are filtered again in each new one.
-    passes : int
-        Largest number of passes over the initialisation data.
     """
 
     base: int
@@ -84,8 +57,6 @@ class Timing:
     first: int
     review: int
     memory: int
-    budget: int
-    passes: int
 
     @property
     def span(self) -> int:
@@ -129,8 +100,6 @@ def lengths(model: Model, period: float, commissioning: float | None, known: boo
         first=round(commissioning / period),
         review=round(REVIEW * samples),
         memory=round(MISFIT * samples),
-        budget=BUDGET,
-        passes=PASSES,
     )
 
 
@@ -138,7 +107,7 @@ BANK = np.dtype(
     [
         (name, int)
         for name in (
-            "base", "budget", "commissioning",  # as of `Timing`
+            "base", "commissioning",  # as of `Timing`
             "searching",  # 1 while waves are looked for
             "awake",  # 1 from when structure is learnt
             "taken",  # samples
@@ -159,16 +128,14 @@ BANK = np.dtype(
     + [
         (name, float)
         for name in (
-            "alarm", "misfit_share", "period",
+            "misfit_share", "period",
             "angle", "read",  # of the motor: as far as it has turned, and its speed
             "repeated", "z_before",  # Σ z[k] z[k−1] for z = e/√S
             "chi2", "used",  # Σ e²/S, and of how many samples
-            "none",  # weight of no jump
             "kappa", "misfit",  # κ, and as it was before the oldest onset
             "square", "product", "last",  # means of z² and z[k] z[k−1], and the last z
-            "odds",
             "last_prediction",  # ŷ of the sample before
-            "J_one", "d_one", "chi2_one",  # of what is gone through again
+            "chi2_one",  # Σ e²/S of what is gone through again
             "cost_one", "cost_first",  # −2 ln of the likelihood, and that of the first seconds
         )
     ]
@@ -192,16 +159,14 @@ class Bank(NamedTuple):
     history : (length, 4) array
         Torque, output as it is used, R and torque noise of the last samples, each at its number's
         remainder.
-    delta, moved_one : (m,), (n,) arrays
-        δ of the second filter.
-    D, moved : (m, H), (n+1, H) arrays
-        Every δ, and what a sample makes of it.
-    J, d, size, weight, evidence, precision, prior : (H,) arrays
+    columns, one : Columns
+        Of the hypotheses, and the one beside the second filter.
+    size, weight, precision, prior : (H,) arrays
         Of every hypothesis; precision is 1/σ².
     onset, chi2_at, used_at : (slots,) arrays
         Sample of each slot, and the sums as they were then.
-    kept_P, kept_xi : (slots, m, w), (slots, m) arrays
-        The filter as it was then.
+    kept : (slots, m+1, w) array
+        P of the filter as it was then, and ξ as the last row.
     mixed : (p,) array
         Mean of θ over all hypotheses.
     waves : Waves
@@ -214,34 +179,27 @@ class Bank(NamedTuple):
     log_prior: Vector
     told: Told
     history: Matrix
-    delta: Vector
-    moved_one: Vector
-    D: Matrix
-    moved: Matrix
-    J: Vector
-    d: Vector
+    columns: Columns
+    one: Columns
     size: Vector
     weight: Vector
-    evidence: Vector
     precision: Vector
     prior: Vector
     onset: Indices
     chi2_at: Vector
     used_at: Vector
-    kept_P: Cube
-    kept_xi: Matrix
+    kept: Cube
     mixed: Vector
     waves: Waves
 
 
 def bank_of(
     design: Design,
-    jumps: Jumps,
     timing: Timing,
     *,
-    alarm: float,
-    groups: Sequence[tuple[Sequence[int], Sequence[float]]],
-    tracked: int,
+    which: Sequence[int],
+    log_prior: Array,
+    told: dict[str, Array],
     waves: int,
 ) -> Memory:
     """
@@ -250,62 +208,54 @@ def bank_of(
     Parameters
     ----------
     design : Design
-    jumps : Jumps
     timing : Timing
-    alarm : float
-        Logarithm of the odds of a jump above which candidates are compared.
-    groups
-        As for `flexaxis.estimators.filters.constrained.told_arrays`.
-    tracked : int
-        The first so many of θ are estimates.
+    which : (q,) sequence
+        Parameters that may jump.
+    log_prior : (q,) array
+        Logarithm of the probability that one jumps in a sample.
+    told
+        From `flexaxis.estimators.filters.constrained.told_arrays`.
     waves : int
         In a turn, of the fastest cogging that is looked for; 0 for none.
     """
-    m, slots = len(design.theta0) + design.model.states, PER_LEVEL + MORE * (timing.levels - 1)
-    H = slots * len(jumps.which)
-    return Memory(
-        {
-            "now": numbers(BANK, _at_first(design, timing, alarm, waves)),
-            "which": np.array(jumps.which, np.int64),
-            "variance": jumps.size**2,
-            "log_prior": np.log(jumps.rate * design.period),
-        }
-        | told_arrays(tracked, groups)
-        | {"history": np.zeros((_history(timing), 4))}
-        | {"delta": np.zeros(m), "moved_one": np.zeros(design.model.states)}
-        | {"D": np.zeros((m, H)), "moved": np.zeros((design.model.states + 1, H))}
-        | {name: np.zeros(H) for name in ("J", "d", "size", "weight")}
-        | {"evidence": np.full(H, -np.inf), "precision": np.zeros(H), "prior": np.zeros(H)}
-        | {"onset": np.full(slots, NEVER), "chi2_at": np.zeros(slots), "used_at": np.zeros(slots)}
-        | {"kept_P": np.zeros((slots, m, padded(m))), "kept_xi": np.zeros((slots, m))}
-        | {"mixed": np.zeros(len(design.theta0))}
-        | wave_arrays(m, design.model.states, min(waves, 4 * timing.levels * len(jumps.which)))
-    )
-
-
-def _at_first(design: Design, timing: Timing, alarm: float, waves: int) -> dict[str, Any]:
-    """Return the numbers of a bank before the first sample, where they are not zero."""
-    return dict.fromkeys(("due", "born", "mark"), NEVER) | {
+    n, p, q = design.model.states, len(design.scale), len(which)
+    slots = PER_LEVEL + MORE * (timing.levels - 1)
+    # more samples come while the old ones are filtered again
+    length = int(2.5 * max(timing.first, timing.span + timing.review)) + BUDGET
+    H, waves = slots * q, min(waves, 4 * timing.levels * q)
+    now = dict.fromkeys(("due", "born", "mark"), NEVER) | {
         "base": timing.base,
-        "budget": timing.budget,
         "commissioning": timing.first,
         "searching": int(waves > 0),
-        "alarm": alarm,
         "misfit_share": 1.0 / timing.memory,
         "period": design.period,
         "mean_speed": find_signal(design.output).mean_speed(design.period),
-        "none": 1.0,
         "kappa": 1.0,
         "misfit": 1.0,
         "square": 1.0,
         "last": np.nan,
-        "odds": -np.inf,
         "cost_first": np.inf,
     }
+    return Memory(
+        {
+            "now": numbers(BANK, now),
+            "which": np.array(which, np.int64),
+            "variance": np.full(q, JUMP**2),
+            "log_prior": log_prior,
+        }
+        | told
+        | {"history": np.zeros((length, 4))}
+        | _columns("", p, n, H)
+        | _columns("one_", p, n, 1)
+        | {name: np.zeros(H) for name in ("size", "weight", "precision", "prior")}
+        | {"onset": np.full(slots, NEVER), "chi2_at": np.zeros(slots), "used_at": np.zeros(slots)}
+        | {"kept": np.zeros((slots, p + n + 1, padded(p + n))), "mixed": np.zeros(p)}
+        | _columns("wave_", p, n, 2 * waves)
+        | {"pull": np.zeros(2 * waves)}
+    )
 
 
-def _history(timing: Timing) -> int:
-    """Return how many samples have to be kept."""
-    grows = (timing.budget / (timing.budget - 1)) ** (timing.passes + 1)  # while a pass catches up
-    longest = max(1.5 * timing.first, 2.0 * (timing.span + timing.review))
-    return int(np.ceil(grows * longest)) + timing.budget
+def _columns(name: str, p: int, n: int, H: int) -> dict[str, Array]:
+    """Return the arrays of H `Columns` for p parameters and n states."""
+    sums = {name + "J": np.zeros(H), name + "d": np.zeros(H)}
+    return {name + "D": np.zeros((p + n, H)), name + "moved": np.zeros((n + 1, H))} | sums

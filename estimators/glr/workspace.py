@@ -1,5 +1,6 @@
 """The memory of a filter with a bank of hypotheses, and operations on it between samples."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -7,7 +8,7 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.filters.design import Design
 from flexaxis.estimators.glr.bank import NEVER
-from flexaxis.estimators.glr.records import Jumps, Timing
+from flexaxis.estimators.glr.records import Timing
 from flexaxis.estimators.models.memory import Memory
 
 Array = NDArray[np.float64]
@@ -21,18 +22,19 @@ class Workspace:
     Attributes
     ----------
     design : Design
-    jumps : Jumps
+        Its parameters: first the tracked ones, then those that are learnt once.
     timing : Timing
     tracked : int
-        Number of the first parameters, which are estimates; the others are learnt once.
+        Number of tracked parameters, the estimates.
     told : dict of int to float
-        Values by parameter, in units of the scale.
-    fixable : dict of str to str
-        What is fixed where it is not seen, and why, in words.
-    shapes : dict of tuple of int to tuple of int
+        Values to which parameters shrink unless the data contradict, in units of the scale; see
+        `flexaxis.estimators.filters.constrained`.
+    fixable : dict of int to str
+        Parameters that are fixed if the data do not excite them, with the reason in words.
+    shapes : sequence of (indices, indices)
         Levels of dry friction, and what means nothing while all of these are zero.
     angle : int
-        Which state is the angle of the motor, or would be.
+        Where the angle of the motor is among the states of a model that has it.
     states : Memory
         Two joint filters: this one, and one that re-runs samples.
     bank : Memory
@@ -41,25 +43,23 @@ class Workspace:
     """
 
     design: Design
-    jumps: Jumps
     timing: Timing
     tracked: int
-    told: dict[int, float]
-    fixable: dict[str, str]
-    shapes: dict[tuple[int, ...], tuple[int, ...]]
+    told: Mapping[int, float]
+    fixable: Mapping[int, str]
+    shapes: Sequence[tuple[list[int], list[int]]]
     angle: int
     states: Memory
     bank: Memory
     begin: Memory
 
-    def fresh(self) -> "Workspace":
-        """Return the same before the first sample, of one that has taken none."""
-        return replace(
-            self, states=self.states.copy(), bank=self.bank.copy(), begin=self.begin.copy()
-        )
+    def copy(self) -> "Workspace":
+        """Return the same with memory of its own."""
+        memory = {name: getattr(self, name).copy() for name in ("states", "bank", "begin")}
+        return replace(self, **memory)
 
     def __deepcopy__(self, memo: object) -> "Workspace":
-        return replace(self, states=self.states.copy(), bank=self.bank.copy())
+        return self.copy()
 
     @property
     def p(self) -> int:
@@ -102,32 +102,13 @@ class Workspace:
         """Return what of the covariance of θ lies between the hypotheses, and in their sizes."""
         bank = self.bank
         likely = np.flatnonzero(bank["weight"] > 1e-9)
-        D, weight = bank["D"][: self.p, likely], bank["weight"][likely]
-        size = bank["size"][likely]
-        variance = bank["variance"][likely % len(self.jumps.which)]
-        spread = 1.0 / (bank["J"][likely] / bank["kappa"] + 1.0 / variance)
+        D, fields = bank["D"][: self.p, likely], ("weight", "size", "J", "precision")
+        weight, size, J, precision = (bank[name][likely] for name in fields)
+        spread = 1.0 / (J / bank["kappa"] + precision)
         moved = D @ (weight * size)
         return (D * (weight * (size**2 + spread))) @ D.T - np.outer(moved, moved)
 
-    def beliefs(self) -> dict[str, float]:
-        """Return the probability that each parameter has jumped."""
-        by = self.bank["weight"].reshape(-1, len(self.jumps.which)).sum(axis=0)
-        return {self.names[i]: float(w) for i, w in zip(self.jumps.which, by, strict=True)}
-
-    def hypotheses(self) -> dict[str, Array]:
-        """Return by parameter how many samples ago (H, 3), how likely and by how much it jumped."""
-        bank, which = self.bank, self.jumps.which
-        held = np.flatnonzero(bank["onset"] >= 0)
-        rows = held[np.argsort(-bank["onset"][held], kind="stable")]
-        weight, size = (bank[key].reshape(-1, len(which))[rows] for key in ("weight", "size"))
-        ago = self.now - bank["onset"][rows]
-        names, scale = self.names, self.design.scale
-        return {
-            names[i]: np.stack([ago, weight[:, j], size[:, j] * scale[i]], axis=1)
-            for j, i in enumerate(which)
-        }
-
-    def go_through(self, xi: Array, P: Array, at: int, *, first: bool, follow: bool) -> None:
+    def go_through(self, xi: Array, P: Array, at: int, *, first: bool, end: int | None) -> None:
         """
         Let the second filter process old samples again.
 
@@ -139,18 +120,18 @@ class Workspace:
             The first of the samples.
         first : bool
             Whether ``xi`` has been through the measurement of that sample already.
-        follow : bool
-            Whether it goes on with samples that come meanwhile.
+        end : int or None
+            The sample before which it ends; None to go on with samples that come meanwhile.
         """
         bank, states, p = self.bank, self.states, self.p
         states.block[1] = states.block[0]
         n = len(xi) - p
         states["theta"][1], states["P"][1] = xi[:p], P
         states["X"][1, :n, 0], states["X"][1, :n, 1 : 1 + p + n] = xi[p:], np.eye(n, p + n, p)
-        for name in ("J_one", "d_one", "chi2_one", "cost_one"):
-            bank[name] = 0.0
-        bank["at"], bank["end"], bank["measured"] = at, bank["taken"], int(first)
-        bank["end_follows"], bank["busy"] = int(follow), 1
+        bank["one_J"] = bank["one_d"] = bank["chi2_one"] = bank["cost_one"] = 0.0
+        bank["at"], bank["measured"], bank["busy"] = at, int(first), 1
+        bank["end"] = bank["taken"] if end is None else end
+        bank["end_follows"] = int(end is None)
 
     def move(self, direction: Array) -> None:
         """Move ξ of the second filter (m,) as it was at the last sample, and what it predicts."""
@@ -167,8 +148,7 @@ class Workspace:
     def empty(self) -> None:
         """Clear all hypotheses, and stop the second filter."""
         bank = self.bank
-        bank["onset"], bank["weight"], bank["evidence"] = NEVER, 0.0, -np.inf
-        bank["none"], bank["busy"], bank["odds"] = 1.0, 0, -np.inf
+        bank["onset"], bank["weight"], bank["busy"] = NEVER, 0.0, 0
         bank["end_follows"], bank["end"] = 0, bank["at"]
 
 
@@ -188,7 +168,7 @@ def take_up(plain: Workspace, rich: Workspace, wave: tuple[int, float, float]) -
     rich.bank["history"], rich.bank["now"] = plain.bank["history"], plain.bank["now"]
     rich.states["now"] = plain.states["now"]
     was, now, p = plain.states, rich.states, plain.p
-    n, angle = was["gain"].shape[1] - p, rich.angle
+    n, angle = was["gain"].shape[1] - p, plain.angle
     rows = np.arange(n) + (np.arange(n) >= angle)
     whole = np.r_[np.arange(p), rich.p + rows]
     now["P"][0][np.ix_(whole, whole)] = was["P"][0, :, : p + n]

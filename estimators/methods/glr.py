@@ -6,13 +6,16 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexaxis.estimators.filters.design import above_zero, flag, make_design
+from flexaxis.estimators.filters.constrained import told_arrays
+from flexaxis.estimators.filters.design import Design, above_zero, flag, make_design
+from flexaxis.estimators.filters.joint import joint_arrays
 from flexaxis.estimators.glr.cogging import FASTEST
 from flexaxis.estimators.glr.filter import Glr
-from flexaxis.estimators.glr.records import Jumps, lengths
+from flexaxis.estimators.glr.records import Timing, bank_of, lengths
+from flexaxis.estimators.glr.workspace import Workspace
 from flexaxis.estimators.models.axes import with_cogging
-from flexaxis.estimators.models.meaning import fixable as fixable_of
-from flexaxis.estimators.models.meaning import shapes_of_friction, structure
+from flexaxis.estimators.models.meaning import fixable, shapes_of_friction, structure
+from flexaxis.estimators.models.memory import Memory
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.offline.roles import (
     AS_ABSENT,
@@ -27,6 +30,7 @@ from flexaxis.estimators.offline.roles import (
 )
 from flexaxis.estimators.offline.structure import (
     TRACKED,
+    Prior,
     matrices,
     measured,
     prior,
@@ -40,7 +44,6 @@ from flexaxis.estimators.registry import Entry
 WALK = 7e-4  # 1/√s, of θ over its scale: 1 % in a quarter of an hour
 FRICTION = 4.5  # times as far that friction walks, which warms: 2.4 % in a minute
 STRUCTURE = 3e-4  # 1/√s, of parameters that are learnt once, to correct errors of initialisation
-JUMP = 0.3  # of θ over its scale: faults are of 10 to 100 %
 RATE = 1e-3  # 1/s, of jumps of all parameters together: one in a quarter of an hour
 SUSPECTED = 0.1  # rate of jumps of parameters that are learnt once, relative to tracked ones
 TORQUE_NOISE = 0.3  # initial standard deviation of unmodelled torque over the rms torque
@@ -96,92 +99,106 @@ def glr(
     EstimatorError
         If an option cannot be used.
     """
-    nominal, period, noise = problem.nominal, problem.period, problem.noise
+    nominal, period = problem.nominal, problem.period
     above_zero("walk", walk, "the standard deviation of θ after a second, over its scale")
     above_zero("spread", spread, "the standard deviation of θ(0), relative to it")
     asked = {*problem.identify, *np.ravel(track)}  # checked where they are used
     bristles = {"sigma_0", "sigma_1"} & {*told_of(nominal), *asked}
     geared = flag("gear", gear) and not bristles
     model = with_laws(nominal, torque=problem.torque, period=period, geared=geared)
-    told = told_of(nominal)
-    if noise is None and not isinstance(nominal, Model):
-        noise = nominal.get("noise")
-    made = partial(
-        _made,
-        problem=problem,
-        told=told,
-        learn=learn,
-        track=track,
-        deviations=deviations,
-        walk=walk,
-        noise=noise,
-        spread=spread,
-        commissioning=commissioning,
-    )
-    learns = learn == "auto" and deviations is None and commissioning != 0
-    told_laws = isinstance(nominal, Model) or {"mu_m", "poles"} & model.nominal.keys()
-    if not learns or told_laws:  # no cogging is looked for
-        return made(model)
-    return made(model, richer=made(with_cogging(model), beside=("poles",)))
-
-
-def _made(
-    model: Model,
-    richer: Glr | None = None,
-    beside: Sequence[str] = (),
-    *,
-    problem: Problem,
-    told: Sequence[str],
-    learn: Sequence[str] | str,
-    track: Sequence[str],
-    deviations: Mapping[str, float] | None,
-    walk: float,
-    noise: float | None,
-    spread: float,
-    commissioning: float | None,
-) -> Glr:
-    """Return the filter for a model, with some further parameters to learn."""
-    period, torque = problem.period, problem.torque
     inverses = (f"1/{p}" for p in model.parameters if p not in model.law_parameters)
     track = names_of("track", track, (*model.parameters, *inverses, *TRACKED))
     tracked = (*problem.identify, *(n for n in track if is_left(model, n, problem.identify)))
-    learnt = (*learnt_of(model, tracked, learn), *beside)
-    names = (*tracked, *learnt)
-    which = (*tracked, *(n for n in structure(model) if n in learnt))
+    learnt, auto = learnt_of(model, tracked, learn), learn == "auto"
+    work = partial(
+        _work,
+        problem=problem,
+        tracked=tracked,
+        timing=lengths(model, period, commissioning, deviations is not None),
+        deviations=deviations,
+        walk=walk,
+        spread=spread,
+        auto=auto,
+    )
+    told_laws = isinstance(nominal, Model) or {"mu_m", "poles"} & model.nominal.keys()
+    if not auto or deviations is not None or commissioning == 0 or told_laws:
+        return Glr(work(model, learnt))
+    rich = work(with_cogging(model), (*learnt, "c_sin", "c_cos", "poles"))
+    return Glr(work(model, learnt, looks=True), rich)
+
+
+def _work(
+    model: Model,
+    learnt: Sequence[str],
+    *,
+    problem: Problem,
+    tracked: Sequence[str],
+    timing: Timing,
+    deviations: Mapping[str, float] | None,
+    walk: float,
+    spread: float,
+    auto: bool,
+    looks: bool = False,
+) -> Workspace:
+    """Return the memory of the filter for a model; ``looks`` is whether it looks for cogging."""
+    period, torque = problem.period, problem.torque
+    told, names = told_of(problem.nominal), (*tracked, *learnt)
     model = without(model, [n for n in ("f_s", "gap") if n not in (*names, *told)])
-    sizes = state_sizes(model, torque, period)
     thought = prior(model, names, torque=torque, period=period, told=told, spread=spread)
     refuse_zero(thought)
     thought = thought if deviations is None else known_better(model, thought, deviations)
+    design = _design(model, problem, thought, _walk(model, names, len(tracked), walk))
+    scale, at = thought.scale, {name: i for i, name in enumerate(names)}
     stated = (*told, *structure(model))  # which every axis has
-    fixable = fixable_of(model) if learn == "auto" else ()
+    groups = [
+        {at[n]: value / scale[at[n]] for n, value in group.items()}
+        for group in told_groups(model, names, learnt, stated)
+    ]
+    which = (*tracked, *(n for n in structure(model) if n in learnt))
     rates = np.where(np.arange(len(which)) < len(tracked), 1.0, SUSPECTED)
-    states = list(model.states)
-    return Glr(
-        make_design(
-            model,
-            **problem.asked | {"identify": names, "noise": noise, "bounds": thought.bounds},
-            theta0=thought.start,
-            P0=thought.P0,
-            scale=thought.scale,
-            x0_variance=sizes**2,
-            corrects=True,
-        ),
+    torque_noise = _torque_noise(model, torque, period) if problem.output == "angle" else {}
+    states = Memory(joint_arrays(design, rests=True, **torque_noise), times=2)
+    bank = bank_of(
+        design,
+        timing,
+        which=[at[name] for name in which],
+        log_prior=np.log(RATE * rates / rates.sum() * period),
+        told=told_arrays(len(tracked), [(list(g), list(g.values())) for g in groups]),
+        waves=_most_waves(model, torque, period) if looks else 0,
+    )
+    shapes = shapes_of_friction(model, names) if auto else {}
+    return Workspace(
+        design=design,
+        timing=timing,
         tracked=len(tracked),
-        jumps=Jumps(
-            which=tuple(names.index(name) for name in which),
-            size=np.full(len(which), JUMP),
-            rate=RATE * rates / rates.sum(),
-            walk=_walk(model, names, len(tracked), walk) * period,
-        ),
-        timing=lengths(model, period, commissioning, deviations is not None),
-        told=told_groups(model, names, learnt, stated),
-        fixable={n: AS_TOLD if n in stated else AS_ABSENT for n in fixable},
-        shapes=shapes_of_friction(model, names) if learn == "auto" else {},
-        waves=_most_waves(model, torque, period) if richer else 0,
-        angle=states.index("angle_motor") if "angle_motor" in states else len(states),
-        richer=richer,
-        torque_noise=_torque_noise(model, torque, period) if problem.output == "angle" else {},
+        told={i: value for group in groups for i, value in group.items()},
+        fixable={
+            at[n]: AS_TOLD if n in stated else AS_ABSENT
+            for n in fixable(model)
+            if auto and n in learnt
+        },
+        shapes=[([at[n] for n in of], [at[n] for n in shape]) for of, shape in shapes.items()],
+        angle=len(model.states),
+        states=states,
+        bank=bank,
+        begin=states,
+    )
+
+
+def _design(model: Model, problem: Problem, thought: Prior, walk: np.ndarray) -> Design:
+    """Return the design for a prior and a walk, as of `_walk`."""
+    noise = problem.noise
+    if noise is None and not isinstance(problem.nominal, Model):
+        noise = problem.nominal.get("noise")
+    return make_design(
+        model,
+        **problem.asked | {"identify": thought.names, "noise": noise, "bounds": thought.bounds},
+        theta0=thought.start,
+        P0=thought.P0,
+        scale=thought.scale,
+        drift=walk * problem.period * thought.scale**2,
+        x0_variance=state_sizes(model, problem.torque, problem.period) ** 2,
+        corrects=True,
     )
 
 

@@ -126,7 +126,7 @@ class Racer:
 
     def run(self, torque: Array, measured: Array) -> Array:
         """Process the next samples (n,), and return the estimates (n, 4) of `SHOWN`."""
-        each = hasattr(self._estimator, "hypotheses") and len(self.thoughts) < WATCHED
+        each = hasattr(self._estimator, "beliefs") and len(self.thoughts) < WATCHED
         estimates = []
         for part in np.split(np.stack([torque, measured]), len(torque) if each else 1, axis=1):
             estimates.append(run_estimator(self._estimator, *part))
@@ -182,7 +182,7 @@ class Racer:
         self.watch()
 
     def _thought(self) -> Array:
-        bank = {n: b[:, 1].sum() for n, b in self._estimator.hypotheses.items()}  # type: ignore[attr-defined]
+        bank = dict(self._estimator.beliefs)  # type: ignore[attr-defined]
         known = [bank.pop(name, 0.0) for name in SHOWN]
         return np.array([*known, max(bank.values(), default=0.0)])
 
