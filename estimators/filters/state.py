@@ -47,6 +47,7 @@ _NOISE = (
     "origin",  # reading at which the counted angle is zero
     "rounding",  # variance of the rounding of an encoder, 0 while unknown
     "driven",  # index of the state that the torque drives
+    "learnt",  # number of samples from which this noise was learnt
     "torque_noise",  # variance [its unit²] that it gains per sample from unmodelled torques
 )
 _MONITOR = (

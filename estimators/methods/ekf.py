@@ -10,19 +10,22 @@ from flexaxis.estimators.problem import Problem
 from flexaxis.estimators.registry import Entry
 
 WALK = 0.002  # 1/√s, random walk of θ/θ(0) on an axis without a tuned value
+COUNTED = 0.008  # 1/√s, the same if y is an angle. The torque noise makes the filter slower; with
+# this walk, the noise of f_m on encoder_fm_step is that of a filter of increments (seeds 0-5)
 
 
-def joint_ekf(design: Design) -> CompiledFilter:
+def joint_ekf(design: Design, **torque_noise: float) -> CompiledFilter:
     """
-    Make an extended Kalman filter for ξ = [θ; x], where θ is a random walk and x has no noise.
+    Make an extended Kalman filter for ξ = [θ; x], where θ is a random walk.
 
     The model is θ[k+1] = θ[k] + w, cov w = W; x[k+1] = f(x[k], θ[k], u[k]), exact for a held u;
-    y = h(x) + e, var e = σ². This is the textbook filter of L. Ljung, *Asymptotic behavior of the
-    extended Kalman filter as a parameter estimator for linear systems*, IEEE Trans. AC 24 (1979).
-    Unlike the prediction-error method, the filter corrects the state as well. The variance of θ_i
-    is limited to θ_i(0)² by scaling a row and a column of P. An isolated outlier beyond 100
-    standard deviations is skipped, and larger innovations after it are clipped to this size; see
-    `flexaxis.estimators.filters.noise`.
+    y = h(x) + e, var e = σ². If y is an angle, the state that the torque drives also has noise; see
+    `flexaxis.estimators.filters.noise`. This is the textbook filter of L. Ljung, *Asymptotic
+    behavior of the extended Kalman filter as a parameter estimator for linear systems*, IEEE Trans.
+    AC 24 (1979). Unlike the prediction-error method, the filter corrects the state as well. The
+    variance of θ_i is limited to θ_i(0)² by scaling a row and a column of P. An isolated outlier
+    beyond 100 standard deviations is skipped, and larger innovations after it are clipped to this
+    size.
 
     P is the covariance of the error if θ is a random walk with the covariance W. If θ is constant
     and adaptation is slow, the error has half this variance; after a jump of θ, P is far too small.
@@ -32,8 +35,10 @@ def joint_ekf(design: Design) -> CompiledFilter:
     design : Design
         Options of the filter. W, the covariance that θ gains in every sample, is the drift of the
         design. If the design does not specify the noise, R = σ² is learnt from the innovations.
+    **torque_noise
+        Result of `flexaxis.estimators.problem.Problem.torque_noise`.
     """
-    start = Memory(joint_arrays(design, heeds=HEEDS_NOTHING))
+    start = Memory(joint_arrays(design, rests=False, heeds=HEEDS_NOTHING, **torque_noise))
     return CompiledFilter(loops.ekf, start, design, read_joint)
 
 
@@ -50,11 +55,14 @@ def _extended(
     ----------
     walk : float, optional
         Standard deviation of the random walk of every θ after one second, relative to θ(0); by
-        default the tuned value for this axis, or 0.002.
+        default the tuned value for this axis, or 0.002; 0.008 if y is an angle.
     spread : float
         Standard deviation of the initial error of θ, relative to θ(0).
     """
-    return joint_ekf(problem.walk_design("ekf", WALK, walk=walk, spread=spread))
+    if problem.output == "angle" and walk is None:
+        walk = COUNTED
+    design = problem.walk_design("ekf", WALK, walk=walk, spread=spread)
+    return joint_ekf(design, **problem.torque_noise(problem.model))
 
 
 ENTRIES = (

@@ -18,7 +18,12 @@ TUNED_RATE, TUNED_JUMP = 1e-6, 0.3  # with a tuned walk: if a jump is expected e
 
 
 def joint_imm(
-    design: Design, *, jump: ArrayLike, rate: float = 1e-3, hold: float = 0.05
+    design: Design,
+    *,
+    jump: ArrayLike,
+    rate: float = 1e-3,
+    hold: float = 0.05,
+    **torque_noise: float,
 ) -> CompiledFilter:
     """
     Make an interacting-multiple-model filter with a quiet mode and one jump mode for each θ_i.
@@ -47,6 +52,8 @@ def joint_imm(
         Mean rate of jumps of any parameter [1/s].
     hold : float
         Mean duration of a jump mode [s].
+    **torque_noise
+        As for `flexaxis.estimators.methods.ekf.joint_ekf`.
 
     Raises
     ------
@@ -60,7 +67,9 @@ def joint_imm(
             f"between 0 and {1 / period:g} 1/s, and hold must exceed the period"
         )
     variances = finite_vector("jump", jump, p) / design.scale**2
-    start = modes_of(joint_arrays(design, stay=1 - period / hold), 1 + p)
+    start = modes_of(
+        joint_arrays(design, rests=False, stay=1 - period / hold, **torque_noise), 1 + p
+    )
     start["stay"][0] = 1 - rate * period
     which = np.arange(p)
     start["drift"][1 + which, which, which] += variances
@@ -101,7 +110,9 @@ def _imm(
     above_zero("jump", jump, "the standard deviation of a jump, relative to θ(0)")
     above_zero("hold", hold, "the mean duration of a jump in seconds")
     variance = problem.period / hold * (jump * problem.theta) ** 2
-    return joint_imm(design, jump=variance, rate=rate, hold=hold)
+    return joint_imm(
+        design, jump=variance, rate=rate, hold=hold, **problem.torque_noise(problem.model)
+    )
 
 
 ENTRIES = (

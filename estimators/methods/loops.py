@@ -16,7 +16,7 @@ from flexaxis.estimators.filters.interacting_models import (
     weigh,
 )
 from flexaxis.estimators.filters.joint import Joint, look, predict, update
-from flexaxis.estimators.filters.noise import judge, show
+from flexaxis.estimators.filters.noise import allow_for_torques, judge, show
 from flexaxis.estimators.filters.prediction_error import Recursion, bound_P, measure
 from flexaxis.estimators.models.compiler import inlined, loop
 from flexaxis.estimators.models.memory import views
@@ -47,6 +47,7 @@ def ekf(block, at, u, y, valid, estimates, trace, laws):  # noqa: PLR0917
         look(state)
         used = judge(now, y[k], valid[k], state.X[-1, 0], now["spread"])
         update(state, used, now["noise"])
+        allow_for_torques(now)
         _publish(state, estimates[k], trace[k])
         predict(state, u[k], laws)
     return len(u)
@@ -73,6 +74,8 @@ def imm(block, at, u, y, valid, estimates, trace, laws):  # noqa: PLR0917
         noise = quiet["noise"]
         for j in range(len(now)):
             update(mode(modes, j), used, noise)
+        allow_for_torques(quiet)
+        now["torque_noise"][:] = quiet["torque_noise"]
         weigh(modes, used, noise, estimates[k])
         mix(modes)
         show(quiet, trace[k])

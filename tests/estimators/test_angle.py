@@ -83,3 +83,13 @@ def test_a_stuck_encoder_costs_no_more_than_a_new_start(estimator, run, y):
     stuck[500:1000] = y[500]
     theta = estimator.run(run.u, stuck)[-1, :3]
     np.testing.assert_allclose(theta, theta_of(AXES["n1"]), rtol=0.02)
+
+
+@pytest.mark.parametrize("name", ["ekf", "imm"])
+@pytest.mark.parametrize("missing", [0.05, 0.2])
+def test_torque_noise_is_learnt(name, missing, run, y):
+    """The innovations have the claimed variance if the given torque lacks white noise [N m]."""
+    estimator = made(name)
+    estimator.run(run.u - missing * np.random.default_rng(0).standard_normal(len(y)), y)
+    e, S = estimator.innovations[2000:].T
+    assert 0.7 < np.mean(e**2 / S) < 1.4
