@@ -4,7 +4,7 @@ import numpy as np
 
 from flexaxis.estimators.filters.constrained import draw_estimates
 from flexaxis.estimators.filters.joint import Joint, look, predict, update
-from flexaxis.estimators.filters.noise import CLIP, judge, show
+from flexaxis.estimators.filters.noise import judge, learn_torque_noise, show
 from flexaxis.estimators.glr.bank import ALARM, NEVER, correct, mean_of, open_slots, weigh
 from flexaxis.estimators.glr.cogging import (
     begin_sums,
@@ -18,10 +18,9 @@ from flexaxis.estimators.models.memory import views
 from flexaxis.estimators.models.rows import multiply
 from flexaxis.estimators.models.series import LAWS
 
-LEARNS = (0.02, 0.003)  # change of ln of the variance of the torque noise per sample, over
-# e²/S − 1: during initialisation, and after it
-LOWEST, HIGHEST = np.exp(-11.0), np.exp(2.0)  # limits of this variance over the initial one: 0.12 %
-# and 82 % of the rms torque. LEARNS and LOWEST are tuned on seeds 4-23 of encoder_fm_step and
+LEARNS = (0.02, 0.003)  # rate of `learn_torque_noise`: during initialisation, and after it
+LOWEST = np.exp(-11.0)  # smallest variance of the torque noise over the initial one: 0.12 % of the
+# rms torque. LEARNS and LOWEST are tuned on seeds 4-23 of encoder_fm_step and
 # coarse_encoder_fm_step; a lowest value of 0.55 % made the lag on the finer encoder a fifth longer
 
 
@@ -121,7 +120,7 @@ def _think(state, bank, estimates):
     b["taken"] = now + 1
     if b["end_follows"] > 0:
         b["end"] = now + 1
-    _follow_torque_noise(b, state.now[0])
+    learn_torque_noise(state.now[0], LEARNS[int(b["awake"])], LOWEST)
     asks = (b["busy"] == 0 and 0 <= b["due"] <= now) or state.now[0]["anew"] > 0.0
     if b["awake"] > 0:
         _follow_misfit(b, state.now[0])
@@ -157,16 +156,6 @@ def _has_moved(b, waves, s, now):
     if late and b["moves"] < long // 2:  # noise, or too little to learn from
         b["born"], b["moves"], late = NEVER, 0, False
     return late or b["moves"] >= long
-
-
-@inlined
-def _follow_torque_noise(b, s):
-    """Learn the variance of unmodelled torques such that the mean of e²/S is one."""
-    square = s["innovation"] ** 2 / s["innovation_variance"]
-    if square >= 0.0:  # not NaN, as in a gap
-        growth = np.exp(LEARNS[int(b["awake"])] * (min(square, CLIP**2) - 1.0))
-        lowest, highest = LOWEST * s["first_torque_noise"], HIGHEST * s["first_torque_noise"]
-        s["torque_noise"] = min(max(growth * s["torque_noise"], lowest), highest)
 
 
 @inlined

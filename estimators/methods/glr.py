@@ -31,7 +31,6 @@ from flexaxis.estimators.offline.roles import (
 from flexaxis.estimators.offline.structure import (
     TRACKED,
     Prior,
-    matrices,
     measured,
     prior,
     state_sizes,
@@ -46,9 +45,6 @@ FRICTION = 4.5  # times as far that friction walks, which warms: 2.4 % in a minu
 STRUCTURE = 3e-4  # 1/√s, of parameters that are learnt once, to correct errors of initialisation
 RATE = 1e-3  # 1/s, of jumps of all parameters together: one in a quarter of an hour
 SUSPECTED = 0.1  # rate of jumps of parameters that are learnt once, relative to tracked ones
-TORQUE_NOISE = 0.3  # initial standard deviation of unmodelled torque over the rms torque
-# (only if y is an angle). Without it, the first exact readings make k_T wrong by 30 %; with 0.1 to
-# 0.3 it is right within 0.1 % (erob80, seeds 0-3)
 SPREAD = 0.2  # standard deviation of θ(0), relative to θ(0), of tracked parameters
 
 
@@ -156,8 +152,7 @@ def _work(
     ]
     which = (*tracked, *(n for n in structure(model) if n in learnt))
     rates = np.where(np.arange(len(which)) < len(tracked), 1.0, SUSPECTED)
-    torque_noise = _torque_noise(model, torque, period) if problem.output == "angle" else {}
-    states = Memory(joint_arrays(design, rests=True, **torque_noise), times=2)
+    states = Memory(joint_arrays(design, rests=True, **problem.torque_noise(model)), times=2)
     bank = bank_of(
         design,
         timing,
@@ -200,15 +195,6 @@ def _design(model: Model, problem: Problem, thought: Prior, walk: np.ndarray) ->
         x0_variance=state_sizes(model, problem.torque, problem.period) ** 2,
         corrects=True,
     )
-
-
-def _torque_noise(model: Model, torque: ArrayLike | None, period: float) -> dict[str, float]:
-    """Return the state that the torque drives and its initial gain of variance per sample."""
-    effect = matrices(model)[1] * period
-    driven = int(np.argmax(np.abs(effect)))
-    square = np.mean(np.square(1.0 if torque is None else torque))
-    variance = float((TORQUE_NOISE * effect[driven]) ** 2 * square)
-    return {"driven": driven, "torque_noise": variance, "first_torque_noise": variance}
 
 
 def _most_waves(model: Model, torque: ArrayLike | None, period: float) -> int:
