@@ -129,8 +129,12 @@ def track(
     log, lawful = log_of(record, axis), bool(axis.model.laws)
     torque = delayed(log.u, axis.delay / log.period, smooth=log.smooth) + axis.offset
     whiten, order = partial(lfilter, axis.whitening, 1.0), len(axis.whitening)
-    u, y = (torque, log.y) if lawful else (whiten(torque), whiten(log.y))
-    estimator = _build(spec, axis, identify, start, period=log.period, output=log.output, torque=u)
+    u, y, output = whiten(torque), whiten(log.y), log.output
+    if lawful:
+        u, y = torque, log.y
+        if output == "increment" and record.angle is not None:  # its rounding is white
+            y, output = record.angle, "angle"
+    estimator = _build(spec, axis, identify, start, period=log.period, output=output, torque=u)
     names = tuple(estimator.names)
     model = SIGNALS[log.output].predicted(axis.model, log.period).parametrize(names)
     simulated = predict(model, model.theta, torque, period=log.period)[0]
