@@ -1,7 +1,8 @@
-"""A joint Kalman filter with a bank of hypotheses: which parameter jumped, when, by how much.
+"""A joint Kalman filter with a bank of hypotheses about jumps of parameters.
 
-`filter` is the estimator and `loop` its samples; `bank` weighs hypotheses, `mixture` is what they
-say together, `comparison` decides which one to believe. `first_seconds` learns the structure,
-`cogging` looks for torques over the angle. In comes a problem with options, out go θ, P and
-findings.
+The module `filter` contains the estimator, and `loop` contains its loop over the samples. `bank`
+computes the weights of the hypotheses, and `comparison` decides which hypothesis to accept.
+`first_seconds` learns the structure during initialisation, and `cogging` searches for torques that
+are periodic in the motor angle. `records` defines the arrays of the bank, and `workspace` contains
+operations on them. The input is a problem with options; the output is θ, P and the findings.
 """

@@ -1,25 +1,28 @@
 """
-A bank of hypotheses beside a Kalman filter, in compiled code: that θ_i jumped at sample k₀.
+A bank of hypotheses for a Kalman filter, in compiled code.
 
-What a jump of size one does to the error of the filter goes along one vector δ, which begins as
-e_i. With the output row h, the transition F and the gain K of the filter, which is of
-`flexaxis.estimators.filters.joint`, in every sample
+Each hypothesis states that the parameter θ_i jumped at sample k₀, which is called the onset. A jump
+of size one changes the error of the filter by a vector δ. At the onset, δ is the unit vector e_i.
+With the output row h, the transition matrix F and the gain K of the filter in
+`flexaxis.estimators.filters.joint`, the update of each sample is
 
-    φ = hᵀδ,  J ← J + φ²/S,  d ← d + φ e/S,  δ ← F δ − K φ,
+    φ = hᵀδ,  J ← J + φ²/S,  d ← d + φ e/S,  δ ← F δ − K φ.
 
-whence the size of the jump is ν̂ = d/(J + κ/σ²) and the logarithm of its evidence against none
+The estimated size of the jump is ν̂ = d/(J + κ/σ²), and the log evidence of the jump is
 
     ℓ = ½ d²/(J + κ/σ²)/κ − ½ ln(1 + J σ²/κ) + ln(prior),
 
-σ being the standard deviation of sizes (A. S. Willsky and H. L. Jones, *A generalized likelihood
-ratio approach to the detection and estimation of jumps in linear systems*, IEEE Trans. AC 21 (1976)
-108–112). κ ≥ 1 is the mean of e²/S that no hypothesis explains: a model that is wrong tempers all
-of them alike. The estimate is the mean over "no jump" and all hypotheses.
+where σ is the standard deviation of jump sizes (A. S. Willsky and H. L. Jones, *A generalized
+likelihood ratio approach to the detection and estimation of jumps in linear systems*, IEEE Trans.
+AC 21 (1976) 108–112). κ ≥ 1 is the mean of the part of e²/S that no hypothesis explains. If the
+model is wrong, κ is large and reduces the evidence of all hypotheses equally. The estimate of θ is
+the mean over "no jump" and all hypotheses.
 
-Onsets stand on a grid that thins out with age: level 0 has the last `PER_LEVEL` multiples of a
-spacing, and each further level the `MORE` next ones of twice the spacing of the level before. An
-onset that is `PER_LEVEL` spacings old goes up a level, or is left where the next level has no place
-for it; so each stands once, for all onsets within its spacing.
+The grid of onsets becomes coarser towards the past. Level 0 contains the last `PER_LEVEL` multiples
+of a spacing. Each further level contains the next `MORE` multiples of twice the spacing of the
+level before. An onset that is `PER_LEVEL` spacings old moves to the next level if that level has a
+slot for it, and is dropped otherwise. Each onset therefore occurs once and represents all onsets
+within its spacing.
 """
 
 from typing import NamedTuple
@@ -30,22 +33,22 @@ from flexaxis.estimators.models.compiler import fused, inlined, summed
 from flexaxis.estimators.models.memory import Matrix, Vector
 from flexaxis.estimators.models.rows import copy
 
-ALARM = 7.0  # nats, odds of any jump against none from which on candidates are compared
-PER_LEVEL, MORE = 8, 4  # onsets of the first level, and of each other
-NEVER = -1  # a sample that does not come
-FIRM = 20.0  # samples of e²/S of variance one that κ starts from, so that a few say little of it
+ALARM = 7.0  # nats, log odds of any jump at which the comparison of candidates starts
+PER_LEVEL, MORE = 8, 4  # number of onsets on level 0, and on each further level
+NEVER = -1  # index of a sample that does not exist
+FIRM = 20.0  # weight of the initial κ in samples, which prevents large changes after few samples
 
 
 class Columns(NamedTuple):
     """
-    H columns δ beside a filter, with what the innovations tell of the size of each.
+    Columns δ of H hypotheses, and the sums that determine the size of each jump.
 
     Attributes
     ----------
     D, moved : (m, H), (n+1, H) arrays
-        Every δ, and what a sample makes of its states and of the output.
+        All columns δ, and the predicted effects of these columns on states and output.
     J, d : (H,) arrays
-        Sums of each.
+        Sums of φ²/S and of φ e/S for each column.
     """
 
     D: Matrix
@@ -56,16 +59,17 @@ class Columns(NamedTuple):
 
 @inlined
 def level_of(slot):
-    """Return the level of a slot."""
+    """Return the level of the onset grid to which a slot belongs."""
     return 0 if slot < PER_LEVEL else slot // MORE - 1
 
 
 @fused
 def correct(columns, state, e, S):
     """
-    Take columns through a measurement: φ = hᵀδ/√S, J ← J + φ², d ← d + φ z, δ ← F δ − K φ.
+    Update columns by a measurement: φ = hᵀδ/√S, J ← J + φ², d ← d + φ z, δ ← F δ − K φ.
 
-    Returns z = e/√S, or 0 where e is NaN, as there is no measurement then. ``moved`` is G δ.
+    The function returns z = e/√S, or 0 if e is NaN because the measurement is missing. The array
+    ``moved`` must contain G δ.
     """
     D, moved, J, d, gain = columns.D, columns.moved, columns.J, columns.d, state.gain
     n, p, seen = len(moved) - 1, len(state.lower), moved[-1]
@@ -89,10 +93,10 @@ def correct(columns, state, e, S):
 
 @inlined
 def open_slots(bank, state, now):
-    """Begin the hypotheses of this sample; older onsets go up a level, or are left."""
+    """Start the hypotheses of this sample; move older onsets to the next level or drop them."""
     onset, base = bank.onset, bank.now[0]["base"]
     last = level_of(len(onset) - 1)
-    for level in range(last, -1, -1):  # from above, so that nothing is lost
+    for level in range(last, -1, -1):  # the highest level first, so no onset is overwritten
         width = base << level
         if now % width:
             continue
@@ -107,13 +111,13 @@ def open_slots(bank, state, now):
 
 @inlined
 def _slot(level, number):
-    """Return the slot of an onset, which is so many spacings of its level."""
+    """Return the slot of the onset at ``number`` times the spacing of its level."""
     return number % PER_LEVEL if level == 0 else MORE * (1 + level) + number % MORE
 
 
 @inlined
 def _move(bank, row, to):
-    """Move an onset from a slot to another."""
+    """Move an onset and its hypotheses from one slot to another."""
     columns, q = bank.columns, len(bank.which)
     bank.onset[to] = bank.onset[row]
     bank.chi2_at[to], bank.used_at[to] = bank.chi2_at[row], bank.used_at[row]
@@ -128,7 +132,7 @@ def _move(bank, row, to):
 
 @inlined
 def _begin(bank, state, row, now):
-    """Begin the hypotheses of an onset."""
+    """Start the hypotheses of an onset at sample ``now``, and store the state of the filter."""
     columns, kept = bank.columns, bank.kept[row]
     m, q, p = len(state.P), len(bank.which), len(state.lower)
     bank.onset[row] = now
@@ -147,9 +151,10 @@ def _begin(bank, state, row, now):
 @fused
 def weigh(bank, now):
     """
-    Write size and weight of every hypothesis, and κ; return the logarithm of the odds of any jump.
+    Store κ and the size and weight of every hypothesis; return the log odds of any jump.
 
-    exp ℓ = exp(½ d ν̂/κ) prior/√(1 + J σ²/κ) has a root in the place of a logarithm.
+    The code computes exp ℓ = exp(½ d ν̂/κ) prior/√(1 + J σ²/κ), with a square root instead of a
+    logarithm.
     """
     J, d, size, weight, b = bank.columns.J, bank.columns.d, bank.size, bank.weight, bank.now[0]
     precision, prior = bank.precision, bank.prior
@@ -192,7 +197,7 @@ def weigh(bank, now):
 
 @summed
 def _total(a):
-    """Return Σ a_c, in whatever order."""
+    """Return Σ a_c; the compiler may change the order of the summands."""
     total = 0.0
     for c in range(len(a)):
         total += a[c]
@@ -201,9 +206,9 @@ def _total(a):
 
 @fused
 def mean_of(bank, theta, lower, upper):
-    """Write the mean of θ (p,) over all hypotheses."""
+    """Store the mean of θ (p,) over all hypotheses, limited by the bounds of θ."""
     mixed, columns = bank.mixed, bank.columns
-    part = columns.moved[-1]  # which has done its work and lends its place
+    part = columns.moved[-1]  # no longer needed in this sample, so its memory is reused
     for c in range(len(part)):
         part[c] = bank.weight[c] * bank.size[c]
     for a in range(len(mixed)):
@@ -212,7 +217,7 @@ def mean_of(bank, theta, lower, upper):
 
 @summed
 def _sum(a, b):
-    """Return Σ a_c b_c, in whatever order."""
+    """Return Σ a_c b_c; the compiler may change the order of the summands."""
     total = 0.0
     for c in range(len(a)):
         total += a[c] * b[c]

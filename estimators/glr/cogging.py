@@ -1,12 +1,13 @@
 """
-Cogging that nobody told: a torque over the angle of the motor, looked for in the first seconds.
+Search for unknown cogging, a torque that is periodic in the motor angle, during initialisation.
 
-A torque c B(φ) of the motor that the model lacks moves the error of its filter along c δ, as a jump
-does (`flexaxis.estimators.glr.bank`), but δ begins at zero and every sample adds what the torque B
-does in it: δ ← F δ − K φ + Γ B. So J and d of a column tell size and evidence of its coefficient.
-The columns hold sine and cosine of every whole number of waves in a turn, which over many turns
-have nothing in common. The strongest wave, if it is clear, becomes a law of cogging in a filter
-that begins where this one is.
+A motor torque c B(φ) that the model does not contain changes the error of the filter by c δ. For a
+jump, δ starts as a unit vector (`flexaxis.estimators.glr.bank`). For cogging, δ starts at zero, and
+every sample adds the effect of the torque B: δ ← F δ − K φ + Γ B. J and d of a column therefore
+determine the coefficient c and its evidence. The functions B are the sine and cosine of each whole
+number of waves per revolution, which are uncorrelated over many revolutions. If the evidence of the
+strongest wave is sufficient, a filter that includes this wave as a cogging law continues from the
+current state.
 """
 
 from typing import NamedTuple
@@ -18,22 +19,23 @@ from flexaxis.estimators.models.compiler import fused, inlined
 from flexaxis.estimators.models.memory import Memory, Vector
 from flexaxis.estimators.models.rows import multiply
 
-ALARM = 20.0  # nats by which a wave explains more than it costs: three times those of a jump, as
-# it stays for good, and as friction that is still being learnt makes columns wrong
-UNKNOWN = 3  # numbers that a wave has: two coefficients, and how many there are in a turn
-FASTEST = 2.0  # radians that a wave may turn in a period at the rms speed; torques of faster ones
-# are gone from their mean over the period
+ALARM = 20.0  # nats, smallest evidence of an accepted wave. The value is three times that of a
+# jump, because a wave is never removed and friction that is not learnt yet makes columns wrong
+UNKNOWN = 3  # unknowns of a wave: two coefficients, and the number of waves per revolution
+FASTEST = 2.0  # radians, largest phase advance of a wave per sample at the rms speed; the torque of
+# a faster wave averages out within a sample
 
 
 class Waves(NamedTuple):
     """
-    Sine and cosine of K waves.
+    Sine and cosine of K waves, the torques that are tested for cogging.
 
     Attributes
     ----------
     columns : Columns
+        One column for each sine and each cosine.
     pull : (2K,) array
-        Torque of each.
+        Value of each sine and cosine in the last sample.
     """
 
     columns: Columns
@@ -42,9 +44,9 @@ class Waves(NamedTuple):
 
 @inlined
 def look_for_waves(b, pull, now, axis):
-    """Write what each torque was in the last sample, and what a torque does."""
-    speed, read = axis.lanes[1, 0, 0], now["prediction"]  # w̄ of friction, the first law
-    if not np.isnan(now["innovation"]):  # where the model is wrong, its angle soon is
+    """Update the motor angle, and store the sine and cosine of each wave in the last sample."""
+    speed, read = axis.lanes[1, 0, 0], now["prediction"]  # mean speed of friction, the first law
+    if not np.isnan(now["innovation"]):  # the angle of a wrong model would soon be wrong
         read += now["innovation"]
     b["angle"] += b["period"] * (b["mean_speed"][0] * read + b["mean_speed"][1] * b["read"])
     b["read"] = read
@@ -57,10 +59,10 @@ def look_for_waves(b, pull, now, axis):
 
 @fused
 def carry_waves(waves, axis, G):
-    """Take the columns over the last sample, with what the torques did in it."""
+    """Propagate the columns over the last sample, and add the effect of the torques."""
     moved, pull, response = waves.columns.moved, waves.pull, axis.response
     multiply(G, waves.columns.D, moved)
-    for i in range(len(moved)):  # friction brakes where cogging drives
+    for i in range(len(moved)):  # response to friction, with the opposite sign
         k = i if i < len(moved) - 1 else response.shape[1] - 1
         push = -response[0, k, 0] * axis.sizes[0]["steps"]
         for c in range(len(pull)):
@@ -69,7 +71,7 @@ def carry_waves(waves, axis, G):
 
 @inlined
 def begin_waves(b, waves):
-    """Forget all torques: the axis begins to move."""
+    """Restart the search for waves when the axis starts to move."""
     waves.columns.D[:] = 0.0
     b["angle"] = b["read"] = 0.0
     begin_sums(b, waves)
@@ -77,7 +79,7 @@ def begin_waves(b, waves):
 
 @inlined
 def begin_sums(b, waves):
-    """Forget all evidence: the filter is no longer thrown about, as by its first samples."""
+    """Set all evidence to zero, to exclude the large innovations of the first samples."""
     waves.columns.J[:] = 0.0
     waves.columns.d[:] = 0.0
     b["repeated"] = b["z_before"] = b["chi2"] = b["used"] = 0.0
@@ -85,23 +87,24 @@ def begin_sums(b, waves):
 
 def strongest_wave(bank: Memory, variance: float) -> tuple[int, float, float] | None:
     """
-    Return how many waves in a turn explain the first seconds best, with their sine and cosine.
+    Return the wave that best explains the initialisation data, with its two coefficients.
 
-    A wave leaves χ² − Δ of the χ² of n samples, whose scale nobody knows: its evidence is
-    ½ n ln(χ²/(χ² − Δ)), less ½ ln n for each unknown number, and the logarithm of how many waves
-    there are. Innovations that it leaves may repeat each other: with the correlation ρ of
-    successive ones as many as (1+ρ)/(1−ρ) count as one. What it explains is taken to repeat itself.
+    A wave reduces the sum χ² of e²/S over n samples by Δ. Because the scale of χ² is unknown, the
+    evidence is ½ n ln(χ²/(χ² − Δ)). The evidence is reduced by ½ ln n for each unknown, and by the
+    logarithm of the number of waves. If ρ is the correlation of successive innovations without the
+    wave, (1+ρ)/(1−ρ) samples count as one. The explained part is treated as fully correlated.
 
     Parameters
     ----------
     bank : Memory
+        Memory of the filter after initialisation.
     variance : float
-        Of coefficients [(N m)²].
+        Prior variance of the coefficients [(N m)²].
 
     Returns
     -------
     (waves, sine, cosine) or None
-        Coefficients in N m; None where no wave is clear.
+        Number of waves per revolution, and coefficients [N m]; None if no wave has enough evidence.
     """
     chi2, used, waves = float(bank["chi2"]), float(bank["used"]), len(bank["pull"]) // 2
     if not waves or used < UNKNOWN or not chi2 > 0:

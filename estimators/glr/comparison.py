@@ -1,12 +1,13 @@
 """
-Which parameter jumped: candidates, each gone through again with its jump, and held together.
+The decision which parameter jumped: the filter is re-run once for each candidate.
 
-A column of the bank is linear in the size of a jump, and only good for small ones. So the best
-onset of each of a few parameters is gone through again from the state that was kept there, with the
-jump, and with one column, whence a step of Gauss and Newton; at most `PASSES` of these. They are
-held together by the e²/S that is left of all samples since, with the priors of sizes and onsets.
-Until one leads, the mean over all hypotheses stands for them. After that the others are looked at
-again a few times, and may still take its place.
+A column of the bank is linear in the size of a jump and is accurate only for small jumps. Therefore
+each of a few parameters becomes a candidate with its most probable onset. The filter processes the
+samples since this onset again, from the state stored at the onset and with the jump applied. One
+column then determines a Gauss–Newton step of the size, and at most `PASSES` such steps are taken.
+The candidates are compared by the remaining Σ e²/S and by the priors of sizes and onsets. Until one
+candidate leads, the estimate is the mean over all hypotheses. After a candidate is accepted, the
+others are compared with it again a few times and may still replace it.
 """
 
 from collections.abc import Sequence
@@ -22,45 +23,53 @@ from flexaxis.estimators.protocol import Finding
 
 Array = NDArray[np.float64]
 
-LEAD = 4.5  # nats, of a candidate over each other parameter: 90 to 1
-CANDIDATES = 3  # parameters that are filtered again
-PASSES = 3  # of Gauss and Newton, at most, for each
-NEAR = 0.3  # standard deviations that a step of Gauss and Newton may still want
-AGAIN = 5  # after a comparison without a result, the next one follows after a fifth of the age
-REVIEWS = (0.15, 0.3, 0.6, 1.0)  # of the time until a name is final, when it is looked at again
-HOPELESS = ALARM + LEAD  # nats behind the accepted candidate, to drop a candidate for good
-LEAST = 0.02  # smallest relative change that is reported; a smaller one corrects the estimate
-FIELDS = ("J", "d", "size", "precision", "prior")  # of the bank, for each slot and parameter
-Z95 = 1.96  # standard deviations on both sides that hold 95 %
+LEAD = 4.5  # nats, smallest lead of an accepted candidate over every other parameter: 90 to 1
+CANDIDATES = 3  # number of parameters for which the filter is re-run
+PASSES = 3  # largest number of Gauss–Newton steps for each candidate
+NEAR = 0.3  # standard deviations, Gauss–Newton step below which no further step is taken
+AGAIN = 5  # an undecided comparison is repeated after 1/AGAIN of the time since the onset
+REVIEWS = (0.15, 0.3, 0.6, 1.0)  # times of the reviews, relative to the time until a name is final
+HOPELESS = ALARM + LEAD  # nats behind the accepted candidate at which a candidate is dropped
+LEAST = 0.02  # smallest relative change that is reported; a smaller one only corrects the estimate
+FIELDS = ("J", "d", "size", "precision", "prior")  # arrays of the bank with a value per hypothesis
+Z95 = 1.96  # half width of a 95 % interval in standard deviations
 
 
 @dataclass
 class _Candidate:
     """
-    A jump of one parameter at one onset.
+    A candidate: a jump of one parameter at one onset.
 
     Attributes
     ----------
     index : int
-        Of the parameter in θ.
+        Index of the parameter in θ.
     variance : float
-        Of its jumps.
+        Prior variance of jumps of the parameter.
     onset : int
-        Sample.
+        Sample at which the parameter jumps.
     size : float
-        In units of the scale.
+        Size of the jump in units of the scale.
     xi, P : (m,), (m, w) arrays
-        Of the filter at the onset.
+        State and covariance of the filter at the onset.
     chi2 : float
         Σ e²/S of the filter until the onset.
     path : float
-        Logarithm of the prior of this jump, and of those that were taken before it.
+        Log prior of this jump and of all jumps that were accepted before it.
     spread : float
-        Standard deviation of the size over the onsets that the bank thinks of.
+        Standard deviation of the size over the probable onsets of the bank.
     instead : bool
-        Whether it would stand in the place of the last finding, rather than come after it.
+        Whether the candidate would replace the last finding and not follow it.
     evidence : float
-        Logarithm, against the filter as it is.
+        Log-likelihood ratio of the candidate and the filter without this jump.
+    deviation : float
+        Standard deviation of the size.
+    penalty : float
+        Log prior of the candidate, including the prior of the size.
+    total : float
+        Σ e²/S of all samples with the jump applied.
+    passes : int
+        Number of Gauss–Newton steps so far.
     """
 
     index: int
@@ -92,21 +101,24 @@ class Comparison:
     Parameters
     ----------
     work : Workspace
+        Memory of the filter.
     origin : int
-        Sample at which the filter began.
+        Sample at which the filter started.
     findings : sequence of Finding
-        Of what began before.
+        Jumps that were detected before this start.
 
     Attributes
     ----------
-    origin
+    origin : int
+        Sample at which the filter started.
     findings : list of Finding
+        All jumps that were detected so far.
     """
 
     def __init__(self, work: Workspace, origin: int, findings: Sequence[Finding]) -> None:
         self._work, self.origin, self.findings = work, origin, list(findings)
         self._path = 0.0
-        self._last: _Candidate  # what was accepted last
+        self._last: _Candidate  # the candidate that was accepted last
         self.forget()
 
     def begin(self) -> None:
@@ -124,11 +136,11 @@ class Comparison:
             self._compare(rest)
 
     def forget(self) -> None:
-        """Make the last finding final."""
+        """Make the last finding final, and clear all candidates."""
         self._work.bank["due"] = NEVER
         self._candidates: list[_Candidate] = []
         self._todo: list[_Candidate] = []
-        self._rest: list[_Candidate] = []  # what the last finding may still give way to
+        self._rest: list[_Candidate] = []  # candidates that may replace the last finding
         self._chosen: _Candidate | None = None
 
     def go_on(self) -> bool:
@@ -152,7 +164,7 @@ class Comparison:
         return False
 
     def _best(self) -> list[_Candidate]:
-        """Return the best onset of each of the best parameters."""
+        """Return a candidate for each of the most probable parameters, with its best onset."""
         bank, which = self._work.bank, self._work.bank["which"]
         fields = (bank[name].reshape(-1, len(which)) for name in FIELDS)
         J, d, size, precision, prior = fields
@@ -169,7 +181,7 @@ class Comparison:
             spread = float(np.cov(size[:, j], aweights=likely, bias=True)) ** 0.5
             path, onset = self._path + float(prior[row, j]), int(bank["onset"][row])
             before, spacing = earlier.get(i), self._work.timing.base << level_of(int(row))
-            if before and abs(before.onset - onset) < spacing:  # from when the grid was finer
+            if before and abs(before.onset - onset) < spacing:  # its onset is more exact
                 found.append(replace(before, path=path, spread=spread))
                 continue
             kept = bank["kept"][row].copy()
@@ -204,7 +216,7 @@ class Comparison:
         return float(np.clip(start + candidate.size, design.lower[i], design.upper[i]) - start)
 
     def _pass(self, candidate: _Candidate, end: int | None) -> None:
-        """Filter the samples since an onset again, with the jump, as `Workspace.go_through`."""
+        """Start to filter the samples since the onset again, with the jump applied."""
         i, bank = candidate.index, self._work.bank
         candidate.size = self._inside(candidate)
         xi = candidate.xi.copy()
@@ -226,13 +238,13 @@ class Comparison:
         )
         candidate.total = float(bank["chi2_one"]) + candidate.chi2
         explained = 0.5 * (self._chi2 - candidate.total) / self._kappa
-        ahead = 0.5 * J * step**2 + prior * step * (candidate.size + step)  # what the step explains
+        ahead = 0.5 * J * step**2 + prior * step * (candidate.size + step)  # by the step
         evidence = explained + ahead + candidate.penalty - self._path
         candidate.evidence = evidence if np.isfinite(evidence) else -np.inf
         return step
 
     def _decide(self) -> None:
-        """Accept the best candidate if it leads, or wait."""
+        """Accept the best candidate if its lead is large enough; otherwise wait."""
         best = max(self._candidates, key=lambda c: c.evidence)
         self._rest = [c for c in self._rest if c.evidence > -HOPELESS]
         others = [
@@ -290,7 +302,7 @@ class Comparison:
         """Store the detected jump, and return whether it is large enough to report."""
         before = chosen.before
         if abs(chosen.size) < LEAST * abs(before):
-            if chosen.instead:  # what it gives way to has not happened
+            if chosen.instead:  # the replaced jump did not happen
                 self.findings[-1:] = []
             return False
         finding = Finding(
@@ -307,6 +319,6 @@ class Comparison:
 
 
 def _sized(before: float, after: float, deviation: float) -> dict[str, Any]:
-    """Return ``ratio`` and ``interval`` of a finding."""
+    """Return the arguments ``ratio`` and ``interval`` of a `Finding`, with a 95 % interval."""
     ratio, half = after / before, Z95 * deviation / abs(before)
     return {"ratio": (float(ratio),), "interval": ((float(ratio - half), float(ratio + half)),)}

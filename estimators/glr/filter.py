@@ -1,4 +1,4 @@
-"""A joint Kalman filter with a bank of hypotheses, as an estimator."""
+"""The estimator glr: a joint Kalman filter with a bank of hypotheses about jumps of parameters."""
 
 from collections.abc import Sequence
 
@@ -17,7 +17,7 @@ from flexaxis.estimators.protocol import Finding
 
 Array = NDArray[np.float64]
 
-COMPARING, LEARNING = 1 / 8, 3 / 4  # of the budget, as which a look at re-run samples counts
+COMPARING, LEARNING = 1 / 8, 3 / 4  # cost of a decision relative to the budget
 
 
 class Glr(RecursiveEstimator):
@@ -27,13 +27,13 @@ class Glr(RecursiveEstimator):
     Parameters
     ----------
     plain : Workspace
-        Before the first sample.
+        Memory of the filter before the first sample.
     rich : Workspace, optional
-        With cogging as the last law, which takes over if cogging is found.
+        Memory of a filter with cogging as the last law, which is used if cogging is found.
 
     Attributes
     ----------
-    theta, covariance
+    theta, covariance : (p,), (p, p) arrays
         Mean and covariance of the tracked parameters over all hypotheses.
     findings : tuple of Finding
         Detected jumps. A jump may be attributed to another parameter for up to 2.6 time scales
@@ -41,26 +41,26 @@ class Glr(RecursiveEstimator):
     alarm : bool
         Whether a jump was detected in the last sample.
     learnt : dict of str to (float, float)
-        Value and standard deviation of all parameters.
+        Value and standard deviation of every parameter, by name.
     beliefs : dict of str to float
-        Probability that each parameter has jumped within the time that the bank covers.
+        Probability that each parameter has jumped at one of the onsets in the bank.
     fixed_because : dict of str to str
         Parameters that were not learnt, with the reason.
     cogging : int
-        Number of cogging waves per turn that were found; 0 for none.
+        Number of cogging waves per revolution; 0 if no cogging was found.
     """
 
     def __init__(self, plain: Workspace, rich: Workspace | None = None) -> None:
         super().__init__(plain.names[: plain.tracked], plain.design.output)
         self._plain, self._rich = plain, rich
         self.reset()
-        self.run([], [])  # what it compiles it compiles now, not in the first step
+        self.run([], [])  # compile the loop now and not in the first step
 
     def _start(self) -> None:
         self._begin_at(0, self._plain.copy())
 
     def _begin_at(self, origin: int, work: Workspace, findings: Sequence[Finding] = ()) -> None:
-        """Prepare for the first sample, or for the first one after a reset."""
+        """Prepare the filter for the first sample, or for the first sample after a reset."""
         self._work, self._learning = work, FirstSeconds(work)
         self._comparison, self.alarm = Comparison(work, origin, findings), False
         self.fixed_because: dict[str, str] = {}
@@ -104,14 +104,14 @@ class Glr(RecursiveEstimator):
             states, bank = work.states, work.bank
             done += glr(states.block, states.at, bank.block, bank.at, *samples)
             self._attend()
-            if done and not np.isfinite(estimates[done - 1]).all():  # it has just begun anew
+            if done and not np.isfinite(estimates[done - 1]).all():  # just reset
                 estimates[done - 1] = self._work.states["theta"][0, : len(self.names)]
             work = self._work
             running = done < len(u) or (work.busy and bool(work.bank["left"] > 0))
         estimates *= self._plain.design.scale[: len(self.names)]
 
     def _attend(self) -> None:
-        """Do what is due after a sample, now or when the budget of a later sample allows it."""
+        """Make the decision that is due after a sample, or postpone it if the budget is used up."""
         work, bank = self._work, self._work.bank
         cost = int(BUDGET * (COMPARING if bank["awake"] else LEARNING))
         if work.states["anew"][0] > 0:
@@ -125,12 +125,12 @@ class Glr(RecursiveEstimator):
             self._decide()
 
     def _decide(self) -> None:
-        """Evaluate a pass that has ended, or start the next one."""
+        """Evaluate a completed pass over old samples, or start the next pass."""
         work, bank = self._work, self._work.bank
         if not bank["awake"]:
             if work.busy:
                 self._learning.go_on()
-            elif not self._take_up_cogging():  # else that is enough for one sample
+            elif not self._take_up_cogging():  # otherwise, wait for the next sample
                 self.fixed_because = self._learning.begin()
         elif work.busy:
             self.alarm = self._comparison.go_on()
@@ -140,7 +140,7 @@ class Glr(RecursiveEstimator):
             self._comparison.begin()
 
     def _take_up_cogging(self) -> bool:
-        """Continue with the filter that has a cogging law if the initialisation data show it."""
+        """Switch to the filter with a cogging law if the data show cogging; return whether so."""
         work, wave = self._work, None
         if self._rich and work.bank["searching"]:
             wave = strongest_wave(work.bank, float(self._rich.design.scale[-2]) ** 2)
@@ -153,7 +153,7 @@ class Glr(RecursiveEstimator):
         return wave is not None
 
     def _begin_anew(self) -> None:
-        """Let the state recover after a stuck sensor; reset the filter if it is lost."""
+        """Reset the covariance of the state after a stuck sensor, or reset the whole filter."""
         work, p = self._work, self._work.p
         P, begin = work.states["P"][0], work.begin["P"][0]
         if work.states["anew"][0] < 2 and work.bank["awake"]:

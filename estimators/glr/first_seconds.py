@@ -1,14 +1,15 @@
 """
 Initialisation: the structure of an axis is learnt from the first seconds of motion.
 
-The filter processes them once like all other samples. Parameters that they hardly excite are then
-fixed at their nominal values. The same samples are filtered again, each time from the latest
-estimates, as long as the likelihood grows.
+The filter first processes these samples once like all other samples. Parameters that the samples
+hardly excite are then fixed at their nominal values. The filter processes the same samples again,
+each time from the latest estimates, as long as the likelihood grows.
 
-A pass starts near the latest estimates, with the information D, a tenth of theirs, in addition to
-the prior P(0)⁻¹: from P(0) alone, the first samples throw a filter so far that it may end anywhere.
-No sample counts twice. At the end D is subtracted from P⁻¹, and the estimate θ, which started at
-θ₀ + δ for the prior θ₀, moves by P (D (θ − θ₀ − δ) − P(0)⁻¹ δ) with the new P.
+Each pass starts at the latest estimates. Its initial information matrix is P(0)⁻¹ + D, where D is a
+tenth of the information after the samples were processed once. With P(0)⁻¹ alone, the first samples
+would cause large updates, and the result of the pass would be unreliable. At the end of each pass,
+D is subtracted from P⁻¹, so no sample counts twice. Let θ₀ be the prior mean and θ₀ + δ the start
+of the pass. With the new P, the final estimate θ is corrected by P (D (θ − θ₀ − δ) − P(0)⁻¹ δ).
 """
 
 import numpy as np
@@ -20,12 +21,12 @@ from flexaxis.estimators.offline.roles import seen
 Array = NDArray[np.float64]
 
 PASSES = 6  # largest number of passes
-NEAR = 0.3  # standard deviations that another pass may still want
-CLEAR = 3.0  # standard deviations above zero, from which on friction, play and stiffening are there
-OPEN = 10.0  # times the variance of what is learnt, with which a pass begins: near enough for
-# the model to be linear there, and far enough for the data to decide
+NEAR = 0.3  # standard deviations, largest change of θ in the last pass
+CLEAR = 3.0  # standard deviations above zero at which friction, backlash or stiffening is present
+OPEN = 10.0  # ratio of the initial variance of a pass to the variance after the first processing:
+# small enough for an almost linear model, and large enough for the data to determine the result
 
-LEAST = 0.9  # of the variance with which a pass begins; the walk of θ may leave as much of it
+LEAST = 0.9  # limit of the eigenvalues of P D, which the random walk of θ can bring close to one
 
 
 class FirstSeconds:
@@ -35,22 +36,23 @@ class FirstSeconds:
     Parameters
     ----------
     work : Workspace
+        Memory of the filter.
     """
 
     def __init__(self, work: Workspace) -> None:
         self._work, self._left = work, PASSES
-        self._best: tuple[Array, int] | None = None  # record, and the sample that it has come to
+        self._best: tuple[Array, int] | None = None  # memory of the best pass, and its next sample
         self._cost = np.inf  # −2 ln of the likelihood of the best pass
-        self._next: Array | None = None  # where a pass begins that is still to be set up
+        self._next: Array | None = None  # initial θ of the next pass, if one is due
 
     def begin(self) -> dict[str, str]:
-        """Fix parameters without excitation and return them with the reasons."""
+        """Fix the parameters without sufficient excitation; return the reason for each of them."""
         work, bank, p = self._work, self._work.bank, self._work.p
         theta, P = work.states["theta"][0], work.states["P"][0]
         variance, told = np.diag(P)[:p], work.told
         known, absent = seen(variance, np.diag(work.design.P0)), theta**2 < CLEAR**2 * variance
         fixed = [i for i in work.fixable if not known[i] or (told[i] == 0.0 and absent[i])]
-        self._shapeless = [  # what friction that is not there would be shaped by
+        self._shapeless = [  # shape parameters of friction that is absent
             i for levels, of in work.shapes if absent[levels].all() for i in of
         ]
         self._fixed = [*fixed, *self._shapeless]
@@ -70,7 +72,7 @@ class FirstSeconds:
         return {work.names[i]: work.fixable[i] for i in fixed}
 
     def _pass(self, theta: Array) -> None:
-        """Filter the samples again from θ (p,)."""
+        """Start to filter the initialisation data again from θ (p,)."""
         work, begin = self._work, self._work.begin["X"][0]
         xi = np.r_[theta, begin[: len(self._start) - work.p, 0]]
         work.go_through(xi, self._start, int(work.bank["born"]), first=False, end=None)
@@ -78,10 +80,10 @@ class FirstSeconds:
 
     def go_on(self) -> None:
         """
-        Go on from where a pass has come to.
+        Evaluate a pass, set up the next pass, or end the initialisation.
 
-        A pass is judged after one sample and the next one set up after another, as either takes as
-        long as many samples.
+        The evaluation and the setup take place after different samples, because each of them takes
+        as much time as many samples.
         """
         work, states = self._work, self._work.states
         if self._next is not None:
@@ -100,7 +102,7 @@ class FirstSeconds:
         work.bank["awake"] = 1
 
     def _judge(self, theta: Array, P: Array) -> None:
-        """Begin another pass from θ (p,) if it is worth it, or return to the best pass."""
+        """Schedule another pass from θ (p,) if it may improve the fit, or restore the best pass."""
         bank, block = self._work.bank, self._work.states.block
         self._left -= 1
         if np.isfinite(P).all() and bank["cost_first"] < self._cost:
@@ -116,10 +118,10 @@ class FirstSeconds:
         bank["end"], self._left = bank["taken"], 0
 
     def _count_once(self, theta: Array, P: Array) -> None:
-        """Take back what the start of a pass has added to θ (p,) and P (m, w)."""
+        """Remove the information D, with which a pass started, from θ (p,) and P (m, w)."""
         work, free = self._work, self._free
         columns, root = P[:, free].copy(), np.linalg.cholesky(self._open)
-        left, ways = np.linalg.eigh(root.T @ columns[free] @ root)  # of P D, which is below one
+        left, ways = np.linalg.eigh(root.T @ columns[free] @ root)  # eigenvalues of P D, below one
         ways = columns @ root @ ways / np.sqrt(1.0 - np.minimum(left, LEAST))
         P[:, : len(P)] += ways @ ways.T
         gained = self._open @ (theta - self._from)[free]

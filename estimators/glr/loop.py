@@ -1,4 +1,4 @@
-"""The loop of a filter with a bank of hypotheses over new samples, and over old ones again."""
+"""The loop of the estimator glr over new samples, and over old samples that are filtered again."""
 
 import numpy as np
 
@@ -18,19 +18,21 @@ from flexaxis.estimators.models.memory import views
 from flexaxis.estimators.models.rows import multiply
 from flexaxis.estimators.models.series import LAWS
 
-LEARNS = (0.02, 0.003)  # rate of `learn_torque_noise`: during initialisation, and after it
-LOWEST = np.exp(-11.0)  # smallest variance of the torque noise over the initial one: 0.12 % of the
-# rms torque. LEARNS and LOWEST are tuned on seeds 4-23 of encoder_fm_step and
-# coarse_encoder_fm_step; a lowest value of 0.55 % made the lag on the finer encoder a fifth longer
+LEARNS = (0.02, 0.003)  # rates of `learn_torque_noise` during and after initialisation
+LOWEST = np.exp(-11.0)  # smallest variance of the torque noise relative to the initial variance,
+# which limits the standard deviation to 0.12 % of the rms torque. LEARNS and LOWEST were tuned on
+# seeds 4-23 of encoder_fm_step and coarse_encoder_fm_step. With a limit of 0.55 %, the lag on the
+# finer encoder was a fifth longer
 
 
 @loop
 def glr(blocks, at, bank_block, bank_at, u, y, valid, estimates, trace):  # noqa: PLR0917
     """
-    Process samples until a decision is due, and return their number.
+    Process samples until a decision is due, and return the number of processed samples.
 
-    ``blocks`` are two joint filters. The second one filters old samples again, at most `BUDGET` of
-    them in each new sample; ``left`` is the unused rest.
+    The argument ``blocks`` contains the memory of two joint filters. The second filter processes
+    old samples again, at most `BUDGET` of them for each new sample. The field ``left`` of the bank
+    is the unused part of this budget.
     """
     state, second = views(Joint, blocks[0], at), views(Joint, blocks[1], at)
     bank = views(Bank, bank_block, bank_at)
@@ -55,7 +57,7 @@ def glr(blocks, at, bank_block, bank_at, u, y, valid, estimates, trace):  # noqa
 
 @inlined
 def _measure(state, bank, u, y, valid):
-    """Judge a sample, store it for the second filter, and update filter and bank."""
+    """Check a sample for outliers, store it for the second filter, and update filter and bank."""
     look(state)
     now = state.now[0]
     used = judge(now, y, valid, state.X[-1, 0], now["spread"])
@@ -68,7 +70,7 @@ def _measure(state, bank, u, y, valid):
 
 @inlined
 def _carry(bank, state, e, S):
-    """Take the columns of the bank over the last sample and through its measurement."""
+    """Propagate the columns of the bank over the last sample, and update them by a measurement."""
     b, z = bank.now[0], 0.0
     if b["searching"] > 0:
         carry_waves(bank.waves, state.axis, state.G)
@@ -92,7 +94,7 @@ def _go_through(state, bank, latest):
         look(state)
         kept = bank.history[b["at"] % len(bank.history)]
         used, noise, torque_noise = kept[1], kept[2], kept[3]
-        if b["awake"] == 0:  # noise was not known yet when these samples came
+        if b["awake"] == 0:  # these samples came before the noise was known
             noise = min(noise, latest["noise"])
             torque_noise = np.sqrt(torque_noise * latest["torque_noise"])
         state.now[0]["torque_noise"] = torque_noise
@@ -114,7 +116,7 @@ def _go_through(state, bank, latest):
 
 @inlined
 def _think(state, bank, estimates):
-    """Weigh the hypotheses and write the estimate; return whether a decision is due."""
+    """Compute the weights of the hypotheses and the estimate; return whether a decision is due."""
     b, mixed = bank.now[0], bank.mixed
     now = b["taken"]
     b["taken"] = now + 1
@@ -142,7 +144,7 @@ def _think(state, bank, estimates):
 def _has_moved(b, waves, s, now):
     """Return whether the axis has moved long enough to learn its structure."""
     long = b["commissioning"]
-    step = s["prediction"] - s["counts"] * b["last_prediction"]  # or, of an angle, its change
+    step = s["prediction"] - s["counts"] * b["last_prediction"]  # for an angle, its change
     b["last_prediction"] = s["prediction"]
     if step**2 > s["noise"] > 0.0:
         b["moves"] += 1
@@ -153,7 +155,7 @@ def _has_moved(b, waves, s, now):
             if b["searching"] > 0:
                 begin_waves(b, waves)
     late = b["born"] >= 0 and now - b["born"] >= 3 * long // 2
-    if late and b["moves"] < long // 2:  # noise, or too little to learn from
+    if late and b["moves"] < long // 2:  # only noise, or too little motion
         b["born"], b["moves"], late = NEVER, 0, False
     return late or b["moves"] >= long
 
@@ -161,10 +163,11 @@ def _has_moved(b, waves, s, now):
 @inlined
 def _follow_misfit(b, s):
     """
-    Learn κ: the mean of e²/S as it was before the oldest onset in the bank, times its repetition.
+    Update the lower limit of κ, a running mean of e²/S multiplied by (1+ρ)/(1−ρ).
 
-    Innovations of a wrong model come in rows: with the correlation ρ of successive ones, as many
-    as (1+ρ)/(1−ρ) count as one.
+    ρ is the correlation of successive innovations. The innovations of a wrong model are correlated,
+    and (1+ρ)/(1−ρ) of them count as one. The memory of the mean is much longer than the time
+    covered by the bank.
     """
     e, S = s["innovation"], s["innovation_variance"]
     if np.isnan(e) or not S > 0.0:

@@ -1,4 +1,4 @@
-"""The bank of hypotheses before the first sample, and times in samples."""
+"""The arrays of the bank of hypotheses before the first sample, and durations in samples."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -25,29 +25,29 @@ from flexaxis.estimators.models.rows import padded
 from flexaxis.estimators.signals import find_signal
 
 Array = NDArray[np.float64]
-FIRST, REVIEW, MISFIT = 10.0, 2.6, 26.0  # time scales of the axis: of motion until structure is
-# learnt, until a name is final, and of the memory of how well the model fits
-SPAN, FINEST = 2.8, 80  # time scales that the bank covers at least, and its finest spacings in one
-FEWEST, MOST = 80, 800  # samples of the time scale of an axis that does not swing
-JUMP = 0.3  # standard deviation of jumps of θ over its scale: faults are of 10 to 100 %
-BUDGET = 32  # largest number of old samples that are filtered again in each new one
+FIRST, REVIEW, MISFIT = 10.0, 2.6, 26.0  # durations in time scales of the axis: initialisation,
+# time until the name of a detected parameter is final, and memory of the misfit of the model
+SPAN, FINEST = 2.8, 80  # smallest time covered by the bank, in time scales; onsets per time scale
+FEWEST, MOST = 80, 800  # limits of the time scale of an axis without oscillation, in samples
+JUMP = 0.3  # standard deviation of a jump of θ relative to its scale; faults are 10 to 100 %
+BUDGET = 32  # largest number of old samples that are filtered again for each new sample
 
 
 @dataclass(frozen=True)
 class Timing:
     """
-    Lengths in samples.
+    Durations of the estimator glr in samples.
 
     Attributes
     ----------
     base : int
         Spacing of onsets on the finest level of the bank.
     levels : int
-        Of the bank.
+        Number of levels of the bank.
     first : int
-        Length of the initialisation; 0 for an axis that is known.
+        Length of the initialisation; 0 for a known axis.
     review : int
-        Time after an onset in which the parameter may still be replaced.
+        Time after an onset during which another parameter may replace the detected one.
     memory : int
         Memory of the misfit of the model.
     """
@@ -60,7 +60,7 @@ class Timing:
 
     @property
     def span(self) -> int:
-        """How old an onset may be."""
+        """Largest age of an onset in the bank."""
         return self.base * PER_LEVEL * 2 ** (self.levels - 1)
 
 
@@ -68,12 +68,14 @@ def time_scale(model: Model, period: float) -> float:
     """
     Return the time constant of the slowest oscillation of an axis [s].
 
-    Without oscillation it is that of the slowest pole, limited to `FEWEST` … `MOST` samples,
-    because a torque shows much sooner than a motor coasts to rest.
+    For an axis without oscillation, the time constant of the slowest pole is returned, limited to
+    `FEWEST` … `MOST` samples. The limit is necessary because the effect of a torque is visible long
+    before a motor coasts to rest.
 
     Parameters
     ----------
     model : Model
+        Model of the axis.
     period : float
         Sampling period [s].
     """
@@ -86,11 +88,11 @@ def time_scale(model: Model, period: float) -> float:
 
 
 def lengths(model: Model, period: float, commissioning: float | None, known: bool) -> Timing:
-    """Return lengths in samples, from the time scale of the axis."""
+    """Return all durations in samples, computed from the time scale of the axis."""
     scale = time_scale(model, period)
     if commissioning is None:
         commissioning = 0.0 if known else FIRST * scale
-    at_least_zero("commissioning", commissioning, "how long the first seconds are, in seconds")
+    at_least_zero("commissioning", commissioning, "the duration of initialisation in seconds")
     samples = scale / period
     base = max(1, round(samples / FINEST))
     levels = max(1, int(np.ceil(np.log2(SPAN * samples / (8 * base)))) + 1)
@@ -107,70 +109,69 @@ BANK = np.dtype(
     [
         (name, int)
         for name in (
-            "base", "commissioning",  # as of `Timing`
-            "searching",  # 1 while waves are looked for
-            "awake",  # 1 from when structure is learnt
-            "taken",  # samples
-            "at", "end",  # samples that are gone through again: the next one, and where it ends
-            "measured",  # 1 where the first of these has been through its measurement
-            "end_follows",  # 1 where it ends with the last sample that was taken
-            "busy",  # 1 while samples are gone through again
-            "left",  # of the samples that may be gone through again in this one
-            "rerun",  # samples that were gone through again, in all
-            "due",  # sample at which a name is looked at again
+            "base", "commissioning",  # `base` and `first` of `Timing`
+            "searching",  # 1 during the search for cogging waves
+            "awake",  # 1 after initialisation
+            "taken",  # number of processed samples
+            "at", "end",  # the next old sample of the second filter, and the end of its pass
+            "measured",  # 1 if the first sample of the pass needs no measurement update
+            "end_follows",  # 1 if the pass ends at the latest sample
+            "busy",  # 1 during a pass of the second filter
+            "left",  # unused budget of old samples for this new sample
+            "rerun",  # total number of old samples that were filtered again
+            "due",  # sample of the next review of the last finding
             "born",  # first sample in which the axis moved
-            "moves",  # samples in which it did
-            "mark",  # where the first seconds end
-            "patience",  # sample before which nothing is compared again
-            "asks",  # 1 where somebody has to look after the last sample
+            "moves",  # number of samples in which the axis moved
+            "mark",  # end of the initialisation data
+            "patience",  # sample before which no new comparison starts
+            "asks",  # 1 if a decision is due after the last sample
         )
     ]
     + [
         (name, float)
         for name in (
             "misfit_share", "period",
-            "angle", "read",  # of the motor: as far as it has turned, and its speed
-            "repeated", "z_before",  # Σ z[k] z[k−1] for z = e/√S
-            "chi2", "used",  # Σ e²/S, and of how many samples
-            "kappa", "misfit",  # κ, and as it was before the oldest onset
+            "angle", "read",  # motor angle since the start of motion, and the last output
+            "repeated", "z_before",  # Σ z[k] z[k−1] for z = e/√S, and the last z
+            "chi2", "used",  # Σ e²/S, and the number of samples in this sum
+            "kappa", "misfit",  # κ, and its lower limit
             "square", "product", "last",  # means of z² and z[k] z[k−1], and the last z
-            "last_prediction",  # ŷ of the sample before
-            "chi2_one",  # Σ e²/S of what is gone through again
-            "cost_one", "cost_first",  # −2 ln of the likelihood, and that of the first seconds
+            "last_prediction",  # ŷ of the previous sample
+            "chi2_one",  # Σ e²/S of the current pass of the second filter
+            "cost_one", "cost_first",  # −2 ln likelihood of the pass, and its value at `mark`
         )
     ]
     + [("mean_speed", float, 2)]
 )  # fmt: skip
-"""The numbers of a bank."""
+"""Data type of the scalar fields of a bank."""
 
 
 class Bank(NamedTuple):
     """
-    A bank of H hypotheses: of jumps of q parameters at each slot.
+    A bank of H hypotheses: jumps of q parameters at the onset in each slot.
 
     Attributes
     ----------
-    now
-        Its numbers.
+    now : (1,) array
+        Scalar fields of the data type `BANK`.
     which, variance, log_prior : (q,) arrays
-        Of the jumps.
+        Index of each parameter that may jump, with the prior variance and log prior of a jump.
     told : Told
-        As of `flexaxis.estimators.filters.constrained`.
+        Groups of parameters that are drawn to nominal values.
     history : (length, 4) array
-        Torque, output as it is used, R and torque noise of the last samples, each at its number's
-        remainder.
+        Ring buffer of the last samples: torque, output after the outlier check, R, torque noise.
     columns, one : Columns
-        Of the hypotheses, and the one beside the second filter.
+        Columns of all hypotheses, and the single column of the second filter.
     size, weight, precision, prior : (H,) arrays
-        Of every hypothesis; precision is 1/σ².
+        Estimated size, weight, prior precision 1/σ² and log prior of every hypothesis.
     onset, chi2_at, used_at : (slots,) arrays
-        Sample of each slot, and the sums as they were then.
+        Onset in each slot, and the values of ``chi2`` and ``used`` at the onset.
     kept : (slots, m+1, w) array
-        P of the filter as it was then, and ξ as the last row.
+        P of the filter at each onset, with ξ as an additional last row.
     mixed : (p,) array
         Mean of θ over all hypotheses.
     waves : Waves
-        As of `flexaxis.estimators.glr.cogging`.
+        Waves of the search for cogging.
     """
 
     now: Annotated[NDArray[np.void], BANK, 1]
@@ -208,19 +209,21 @@ def bank_of(
     Parameters
     ----------
     design : Design
+        Design of the joint filter.
     timing : Timing
+        Durations in samples.
     which : (q,) sequence
-        Parameters that may jump.
+        Indices of the parameters that may jump.
     log_prior : (q,) array
-        Logarithm of the probability that one jumps in a sample.
-    told
-        From `flexaxis.estimators.filters.constrained.told_arrays`.
+        Logarithm of the probability that each of these parameters jumps in a sample.
+    told : dict of str to array
+        Result of `flexaxis.estimators.filters.constrained.told_arrays`.
     waves : int
-        In a turn, of the fastest cogging that is looked for; 0 for none.
+        Largest number of cogging waves per revolution in the search; 0 for no search.
     """
     n, p, q = design.model.states, len(design.scale), len(which)
     slots = PER_LEVEL + MORE * (timing.levels - 1)
-    # more samples come while the old ones are filtered again
+    # new samples arrive while the second filter processes the old ones
     length = int(2.5 * max(timing.first, timing.span + timing.review)) + BUDGET
     H, waves = slots * q, min(waves, 4 * timing.levels * q)
     now = dict.fromkeys(("due", "born", "mark"), NEVER) | {

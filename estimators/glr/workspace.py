@@ -17,29 +17,31 @@ Array = NDArray[np.float64]
 @dataclass
 class Workspace:
     """
-    What `flexaxis.estimators.glr.loop.glr` works on.
+    Memory and settings of the loop `flexaxis.estimators.glr.loop.glr`.
 
     Attributes
     ----------
     design : Design
-        Its parameters: first the tracked ones, then those that are learnt once.
+        Design of the filter, with the tracked parameters before those that are learnt once.
     timing : Timing
+        Durations in samples.
     tracked : int
-        Number of tracked parameters, the estimates.
+        Number of tracked parameters, whose values are the output of the estimator.
     told : dict of int to float
-        Values to which parameters shrink unless the data contradict, in units of the scale; see
-        `flexaxis.estimators.filters.constrained`.
+        Values to which parameters are drawn unless the data contradict these values, in units of
+        the scale; see `flexaxis.estimators.filters.constrained`.
     fixable : dict of int to str
         Parameters that are fixed if the data do not excite them, with the reason in words.
     shapes : sequence of (indices, indices)
-        Levels of dry friction, and what means nothing while all of these are zero.
+        Levels of dry friction, and the parameters without effect while all these levels are zero.
     angle : int
-        Where the angle of the motor is among the states of a model that has it.
+        Index of the motor angle in the state vector of a model that contains the angle.
     states : Memory
-        Two joint filters: this one, and one that re-runs samples.
+        Two joint filters: the main filter, and a second filter that processes old samples again.
     bank : Memory
+        Bank of hypotheses.
     begin : Memory
-        The states before the first sample.
+        Value of ``states`` before the first sample.
     """
 
     design: Design
@@ -54,7 +56,7 @@ class Workspace:
     begin: Memory
 
     def copy(self) -> "Workspace":
-        """Return the same with memory of its own."""
+        """Return a copy that shares no memory with this object."""
         memory = {name: getattr(self, name).copy() for name in ("states", "bank", "begin")}
         return replace(self, **memory)
 
@@ -68,26 +70,26 @@ class Workspace:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of all parameters."""
+        """Names of all parameters."""
         return self.design.model.names
 
     @property
     def now(self) -> int:
-        """The last sample that was taken."""
+        """Index of the last processed sample."""
         return int(self.bank["taken"]) - 1
 
     @property
     def busy(self) -> bool:
-        """Whether samples are re-run."""
+        """Whether the second filter is processing old samples."""
         return bool(self.bank["busy"])
 
     @property
     def caught_up(self) -> bool:
-        """Whether those that are re-run are."""
+        """Whether the second filter has reached the end of its pass."""
         return self.busy and bool(self.bank["at"] >= self.bank["end"])
 
     def mean(self) -> tuple[Array, Array]:
-        """Return all parameters (p,) and their covariance (p, p), over all hypotheses."""
+        """Return the mean (p,) and covariance (p, p) of all parameters over all hypotheses."""
         bank, scale, p = self.bank, self.design.scale, self.p
         theta, P = self.states["theta"][0].copy(), self.states["P"][0, :p, :p].copy()
         if bank["taken"]:
@@ -99,7 +101,7 @@ class Workspace:
         return theta * scale, P * np.outer(scale, scale)
 
     def _between(self) -> Array:
-        """Return what of the covariance of θ lies between the hypotheses, and in their sizes."""
+        """Return the covariance of θ due to uncertain hypotheses and uncertain jump sizes."""
         bank = self.bank
         likely = np.flatnonzero(bank["weight"] > 1e-9)
         D, fields = bank["D"][: self.p, likely], ("weight", "size", "J", "precision")
@@ -110,18 +112,18 @@ class Workspace:
 
     def go_through(self, xi: Array, P: Array, at: int, *, first: bool, end: int | None) -> None:
         """
-        Let the second filter process old samples again.
+        Start a pass in which the second filter processes old samples again.
 
         Parameters
         ----------
         xi, P : (m,), (m, w) arrays
-            Where it starts.
+            Initial estimate and covariance.
         at : int
-            The first of the samples.
+            First sample of the pass.
         first : bool
-            Whether ``xi`` has been through the measurement of that sample already.
+            Whether ``xi`` already includes the measurement of the first sample.
         end : int or None
-            The sample before which it ends; None to go on with samples that come meanwhile.
+            First sample after the pass; None to include the samples that arrive during the pass.
         """
         bank, states, p = self.bank, self.states, self.p
         states.block[1] = states.block[0]
@@ -134,19 +136,19 @@ class Workspace:
         bank["end_follows"] = int(end is None)
 
     def move(self, direction: Array) -> None:
-        """Move ξ of the second filter (m,) as it was at the last sample, and what it predicts."""
+        """Add ``direction`` (m,) to the last ξ of the second filter, and update its prediction."""
         theta, X, p = self.states["theta"][1], self.states["X"][1], self.p
         theta[:] = np.clip(theta + direction[:p], self.design.lower, self.design.upper)
         X[:, 0] += X[:, 1 : 1 + len(direction)] @ direction
 
     def adopt(self) -> None:
-        """Replace the first filter by the second, except for the noise statistics."""
+        """Copy the estimates of the second filter to the main filter, but not the noise level."""
         for name in ("theta", "X", "P"):
             self.states[name][0] = self.states[name][1]
         self.empty()
 
     def empty(self) -> None:
-        """Clear all hypotheses, and stop the second filter."""
+        """Remove all hypotheses from the bank, and stop the second filter."""
         bank = self.bank
         bank["onset"], bank["weight"], bank["busy"] = NEVER, 0.0, 0
         bank["end_follows"], bank["end"] = 0, bank["at"]
@@ -154,16 +156,18 @@ class Workspace:
 
 def take_up(plain: Workspace, rich: Workspace, wave: tuple[int, float, float]) -> None:
     """
-    Let a filter with a law of cogging begin where another one is.
+    Initialise a filter with a cogging law from the current state of a filter without this law.
 
     Parameters
     ----------
     plain : Workspace
-        After initialisation.
+        Memory of the filter without the cogging law, after the first pass of the initialisation.
     rich : Workspace
-        As before the first sample. Its parameters are those of the other and, as the last three,
-        sine, cosine and poles of cogging, which is its last law; the angle is one more state.
+        Memory of the filter with the cogging law, before the first sample; overwritten. Its last
+        three parameters are the sine, cosine and poles of cogging, and its states include the motor
+        angle. All other parameters and states are those of ``plain``.
     wave : (waves, sine, cosine)
+        Result of `flexaxis.estimators.glr.cogging.strongest_wave`.
     """
     rich.bank["history"], rich.bank["now"] = plain.bank["history"], plain.bank["now"]
     rich.states["now"] = plain.states["now"]

@@ -1,5 +1,6 @@
-"""The estimators: each module defines one or more and the entries for their registration.
+"""The estimators: each module defines one or more estimators and registers them.
 
-Each estimator is constructed from a problem and options, using `filters`, `glr` and `models`.
-`estimators.registry` collects the entries from the variable ENTRIES of each module.
+A function constructs each estimator from a problem and options, using the packages `filters`,
+`glr`, `offline` and `models`. `estimators.registry` collects the entries from the variable ENTRIES
+of each module.
 """

@@ -1,4 +1,4 @@
-"""Controls: a constant estimate, and the paper's method reset at the true times of change."""
+"""Baselines: a constant estimate, and the paper's method with a restart at each true change."""
 
 from collections.abc import Sequence
 
@@ -19,20 +19,22 @@ Array = NDArray[np.float64]
 
 class Frozen(RecursiveEstimator):
     """
-    A control with the constant estimate θ̂ = θ(0), which does not predict y and has no innovation.
+    A baseline with the constant estimate θ̂ = θ(0).
+
+    The estimator does not predict y and therefore has no innovations.
 
     Parameters
     ----------
     model : Model
     identify : sequence of str, optional
-        Names of parameters, or their inverses; the model's attribute ``identify`` by default.
+        Names of parameters, or of their inverses; the model's attribute ``identify`` by default.
     output : {"speed", "increment", "angle"}
         Kind of signal y, which the estimator ignores.
 
     Attributes
     ----------
     covariance : (p, p) array
-        Claimed covariance of the estimate, which is zero.
+        Covariance claimed by the estimator, which is zero.
 
     Raises
     ------
@@ -71,22 +73,24 @@ class Frozen(RecursiveEstimator):
 
 
 def _frozen(problem: Problem) -> Frozen:
-    """Make the estimator with a constant estimate."""
+    """Return the estimator with a constant estimate."""
     return Frozen(problem.model, identify=problem.identify, output=problem.output)
 
 
-SPREAD = 0.5  # standard deviation of an unknown change, relative to θ: factors of 0.5 to 1.5
+SPREAD = 0.5  # standard deviation of an unknown change relative to θ, for factors of 0.5 to 1.5
 
 
 class OracleReset(Rpem):
     """
-    State-corrected RPEM that is restarted at the true times of change.
+    The recursive prediction-error method (RPEM), restarted at the true times of change.
 
-    This estimator cannot be used in practice. It shows the benefit of perfect detection.
+    The method corrects the state for changes of θ. Because the true times are unknown in practice,
+    this estimator is only a baseline, which shows the benefit of perfect detection.
 
     Parameters
     ----------
     problem : Problem
+        Task of the estimator.
     onsets : sequence of int
         Samples at which parameters change.
     forgetting : float, optional
@@ -124,7 +128,7 @@ class OracleReset(Rpem):
         inside = [onset - first for onset in self._onsets if first <= onset < first + len(u)]
         for start, stop in zip([0, *inside], [*inside, len(u)], strict=True):
             if start in inside:
-                # y[onset] still depends on the old parameters; the torque held from here on acts on
+                # y[onset] still depends on the old parameters; the torque held from now on acts on
                 # the new ones. A wide prior causes an error of second order, at least LINEAR × y
                 noise = max(self.noise_variance, LINEAR**2 * self.state["signal"])
                 self.restart((self._spread * self.theta) ** 2 / noise)
@@ -134,10 +138,10 @@ class OracleReset(Rpem):
 
 
 ENTRIES = (
-    Entry("frozen", "constant: the score of doing nothing", _frozen, rank=99, told_noise=False),
+    Entry("frozen", "a baseline with a constant estimate", _frozen, rank=99, told_noise=False),
     Entry(
         "oracle-reset",
-        "a control that is restarted at the true times of faults",
+        "a baseline: the paper's method, restarted at the true times of faults",
         OracleReset,
         knob="1-forgetting",
         default=0.995,

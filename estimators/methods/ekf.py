@@ -1,4 +1,4 @@
-"""The joint extended Kalman filter for state and parameters."""
+"""The joint extended Kalman filter for the state and the parameters."""
 
 from flexaxis.estimators.filters.design import Design
 from flexaxis.estimators.filters.fault_monitor import HEEDS_NOTHING
@@ -10,31 +10,31 @@ from flexaxis.estimators.problem import Problem
 from flexaxis.estimators.registry import Entry
 
 WALK = 0.002  # 1/√s, random walk of θ/θ(0) on an axis without a tuned value
-COUNTED = 0.008  # 1/√s, the same if y is an angle. The torque noise makes the filter slower; with
-# this walk, the noise of f_m on encoder_fm_step is that of a filter of increments (seeds 0-5)
+COUNTED = 0.008  # 1/√s, the same if y is an angle. The torque noise makes the filter slower. With
+# this value, the noise of f_m on encoder_fm_step equals that of a filter of increments (seeds 0-5)
 
 
 def joint_ekf(design: Design, **torque_noise: float) -> CompiledFilter:
     """
-    Make an extended Kalman filter for ξ = [θ; x], where θ is a random walk.
+    Return an extended Kalman filter for ξ = [θ; x], where θ is a random walk.
 
     The model is θ[k+1] = θ[k] + w, cov w = W; x[k+1] = f(x[k], θ[k], u[k]), exact for a held u;
-    y = h(x) + e, var e = σ². If y is an angle, the state that the torque drives also has noise; see
-    `flexaxis.estimators.filters.noise`. This is the textbook filter of L. Ljung, *Asymptotic
+    y = h(x) + e, var e = σ². If y is an angle, noise also acts on the state that the torque drives;
+    see `flexaxis.estimators.filters.noise`. This is the textbook filter of L. Ljung, *Asymptotic
     behavior of the extended Kalman filter as a parameter estimator for linear systems*, IEEE Trans.
-    AC 24 (1979). Unlike the prediction-error method, the filter corrects the state as well. The
-    variance of θ_i is limited to θ_i(0)² by scaling a row and a column of P. An isolated outlier
-    beyond 100 standard deviations is skipped, and larger innovations after it are clipped to this
-    size.
+    AC 24 (1979). Unlike the prediction-error method, the filter also corrects the state. The
+    variance of θ_i is limited to θ_i(0)² by scaling a row and a column of P. The filter skips an
+    isolated outlier beyond 100 standard deviations. If further innovations exceed this limit, they
+    are clipped to the limit.
 
     P is the covariance of the error if θ is a random walk with the covariance W. If θ is constant
-    and adaptation is slow, the error has half this variance; after a jump of θ, P is far too small.
+    and adaptation is slow, the error has half this variance. After a jump of θ, P is far too small.
 
     Parameters
     ----------
     design : Design
-        Options of the filter. W, the covariance that θ gains in every sample, is the drift of the
-        design. If the design does not specify the noise, R = σ² is learnt from the innovations.
+        Options of the filter. The drift of the design is W, the covariance that θ gains in every
+        sample. If the design does not specify the noise, R = σ² is learnt from the innovations.
     **torque_noise
         Result of `flexaxis.estimators.problem.Problem.torque_noise`.
     """
@@ -49,13 +49,13 @@ def _extended(
     spread: float = 0.2,
 ) -> CompiledFilter:
     """
-    Make the joint extended Kalman filter.
+    Return the joint extended Kalman filter for a problem.
 
     Parameters
     ----------
     walk : float, optional
-        Standard deviation of the random walk of every θ after one second, relative to θ(0); by
-        default the tuned value for this axis, or 0.002; 0.008 if y is an angle.
+        Standard deviation of the random walk of every θ after one second, relative to θ(0). The
+        default is 0.008 if y is an angle; otherwise it is the tuned value for this axis, or 0.002.
     spread : float
         Standard deviation of the initial error of θ, relative to θ(0).
     """
@@ -68,7 +68,7 @@ def _extended(
 ENTRIES = (
     Entry(
         "ekf",
-        "joint extended Kalman filter for state and parameters",
+        "a joint extended Kalman filter for the state and the parameters",
         _extended,
         knob="walk",
         default=WALK,

@@ -1,18 +1,20 @@
 """
-The prediction-error method with other rules of forgetting: reset by a CUSUM, and a variable factor.
+The prediction-error method with two other rules of forgetting: CUSUM reset and variable factor.
 
-The first rule resets P when the residual has increased. A CUSUM g ← max(0, g + 3/8 s − ln 2) is
-computed, with s = ε²/(R̂(1+ψᵀPψ)) limited to 16 and R̂ taken before the sample. The increment of g
-is the log-likelihood ratio for a fourfold variance (E. S. Page, *Continuous inspection schemes*,
-Biometrika 41, 1954). When g exceeds the alarm level, P is set to the covariance of an unknown
-change, and g to zero: F. Gustafsson, *Adaptive Filtering and Change Detection*, Wiley 2000, ch. 3.
+The first rule resets P when the residual increases. The rule computes the cumulative sum (CUSUM)
+g ← max(0, g + 3/8 s − ln 2) with s = ε²/(R̂(1+ψᵀPψ)). s is limited to 16, and R̂ does not include
+the current sample. The increment of g is the log-likelihood ratio for a fourfold variance (E. S.
+Page, *Continuous inspection schemes*, Biometrika 41, 1954). When g exceeds the alarm level, P is
+set to the covariance of an unknown change, and g is set to zero (F. Gustafsson, *Adaptive Filtering
+and Change Detection*, Wiley 2000, ch. 3).
 
 The second rule computes the forgetting factor from the residual, λ = σ_q σ_v/|σ_e − σ_v|, limited
 to the value of the option ``forgetting``. The filter therefore forgets faster while the residual is
-large. C. Paleologu, J. Benesty and S. Ciochină, *A robust variable forgetting factor recursive
+large (C. Paleologu, J. Benesty and S. Ciochină, *A robust variable forgetting factor recursive
 least-squares algorithm for system identification*, IEEE Signal Processing Letters 15 (2008)
-597–600. σ_e² and σ_q² are means of ε² and (ψᵀPψ)² with a memory of 0.3 s; σ_v² is the mean of ε²
-with a memory of 2 s, which represents the noise. Over shorter times they are exact means.
+597–600). σ_e² and σ_q² are running means of ε² and (ψᵀPψ)² with a memory of 0.3 s. σ_v² is a
+running mean of ε² with a memory of 2 s and represents the noise. Until this time has passed, each
+value is the mean over all samples so far.
 """
 
 from flexaxis.estimators.filters.design import above_zero
@@ -23,7 +25,7 @@ from flexaxis.estimators.methods.rpem import Rpem
 from flexaxis.estimators.problem import Problem
 from flexaxis.estimators.registry import Entry
 
-FIRST, NEXT = 1.0, 0.5  # s, smallest time before the first alarm (to learn R̂), and between alarms
+FIRST, NEXT = 1.0, 0.5  # s, shortest time before the first alarm (to learn R̂) and between alarms
 
 
 def _cusum_reset(
@@ -36,12 +38,12 @@ def _cusum_reset(
     ceiling: float = CEILING,
 ) -> Rpem:
     """
-    Make the prediction-error method with a reset of P by a CUSUM.
+    Return the prediction-error method with a reset of P by a CUSUM.
 
     Parameters
     ----------
     forgetting : float, optional
-        Forgetting factor λ per sample, between alarms.
+        Forgetting factor λ per sample between alarms.
     reset : float
         Standard deviation of θ after a reset of P, relative to θ(0).
     level : float
@@ -59,7 +61,7 @@ def _cusum_reset(
     return Rpem(
         problem.model,
         **problem.forgetting_options("cusum-reset", forgetting),
-        state_correction=True,  # P is large after an alarm: the state follows the changes of θ
+        state_correction=True,  # after an alarm P is large, so θ changes by large steps
         robust=robust,
         ceiling=ceiling,
         rule=rule,
@@ -79,7 +81,7 @@ def _variable_forgetting(
     ceiling: float = CALM,
 ) -> Rpem:
     """
-    Make the prediction-error method with a variable forgetting factor.
+    Return the prediction-error method with a variable forgetting factor.
 
     Parameters
     ----------
@@ -112,7 +114,7 @@ ENTRIES = (
     ),
     Entry(
         "variable-forgetting",
-        "forgets while the residual is large",
+        "rpem-forgetting with a factor that decreases while the residual is large",
         _variable_forgetting,
         knob="1-forgetting",
         default=0.995,

@@ -1,4 +1,4 @@
-"""A joint Kalman filter with a bank of hypotheses about jumps of parameters."""
+"""Construction of the estimator glr from a problem and options."""
 
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -40,12 +40,12 @@ from flexaxis.estimators.offline.structure import (
 from flexaxis.estimators.problem import Problem
 from flexaxis.estimators.registry import Entry
 
-WALK = 7e-4  # 1/√s, of θ over its scale: 1 % in a quarter of an hour
-FRICTION = 4.5  # times as far that friction walks, which warms: 2.4 % in a minute
-STRUCTURE = 3e-4  # 1/√s, of parameters that are learnt once, to correct errors of initialisation
-RATE = 1e-3  # 1/s, of jumps of all parameters together: one in a quarter of an hour
-SUSPECTED = 0.1  # rate of jumps of parameters that are learnt once, relative to tracked ones
-SPREAD = 0.2  # standard deviation of θ(0), relative to θ(0), of tracked parameters
+WALK = 7e-4  # 1/√s, random walk of θ relative to its scale: 2 % in a quarter of an hour
+FRICTION = 4.5  # walk of friction relative to `WALK`, because friction warms up: 2.4 % in a minute
+STRUCTURE = 3e-4  # 1/√s, walk of parameters that are learnt once, to correct the initial errors
+RATE = 1e-3  # 1/s, rate of jumps of all parameters together: about one in a quarter of an hour
+SUSPECTED = 0.1  # rate of jumps of parameters that are learnt once, relative to tracked parameters
+SPREAD = 0.2  # initial standard deviation of tracked parameters, relative to θ(0)
 
 
 def glr(
@@ -60,45 +60,47 @@ def glr(
     commissioning: float | None = None,
 ) -> Glr:
     """
-    Make the filter with a bank of hypotheses for an axis with or without friction.
+    Return the filter with a bank of hypotheses for an axis with or without friction.
 
-    One time scale of the axis sets all times, see `flexaxis.estimators.glr.records.lengths`.
+    All durations are multiples of one time scale of the axis; see
+    `flexaxis.estimators.glr.records.lengths`.
 
     Parameters
     ----------
     problem : Problem
-        The nominal values, with ``poles``, ``torque_limit`` and ``noise`` of a data sheet if known,
-        or a model with its own laws. The torque sets the scale of friction and backlash. P(0)
-        follows from the prior of each parameter.
+        Nominal values or a model with its own laws. The nominal values should include ``poles``,
+        ``torque_limit`` and ``noise`` from the data sheet if these are known. The torque determines
+        the prior magnitudes of friction and backlash. P(0) is computed from the prior of each
+        parameter.
     learn : "auto", "none" or sequence of str
-        Parameters that are learnt once; springs, dampers and the motor inertia among them may
-        jump. "auto" learns all parameters that the initialisation data excite and fixes the others
-        at their nominal values; `Glr.fixed_because` gives the reasons.
+        Parameters that are learnt once. The bank also tests jumps of the springs, dampers and motor
+        inertia among these parameters. "auto" learns all parameters that the initialisation data
+        excite and fixes the others at their nominal values; `Glr.fixed_because` gives the reasons.
     track : sequence of str
         Tracked parameters in addition to ``identify``.
     deviations : mapping of str to float, optional
-        Standard deviations of physical parameters, in their units. If given, there is no
-        initialisation by default.
+        Prior standard deviations of physical parameters, in the units of the parameters. If this
+        option is given, the default of ``commissioning`` is zero.
     walk : float
-        Standard deviation of the random walk of tracked parameters after a second, over their
-        scale; friction walks 4.5 times as far.
+        Standard deviation of the random walk of tracked parameters after one second, relative to
+        their scale. For friction, the standard deviation is 4.5 times larger.
     spread : float
         Initial standard deviation of tracked parameters, relative to their values.
     gear : bool
-        Whether friction grows with the gear load, as in a servo drive. It has no effect on a model
-        with its own laws, or if bristle parameters are given or tracked.
+        Whether friction grows with the gear load, as in a servo drive. The option has no effect on
+        a model with its own laws, or if bristle parameters are given or tracked.
     commissioning : float, optional
-        Time of motion for initialisation [s]; ten time scales by default.
+        Duration of motion for initialisation [s]; ten time scales of the axis by default.
 
     Raises
     ------
     EstimatorError
-        If an option cannot be used.
+        If an option is invalid.
     """
     nominal, period = problem.nominal, problem.period
-    above_zero("walk", walk, "the standard deviation of θ after a second, over its scale")
-    above_zero("spread", spread, "the standard deviation of θ(0), relative to it")
-    asked = {*problem.identify, *np.ravel(track)}  # checked where they are used
+    above_zero("walk", walk, "the standard deviation of θ after one second, relative to its scale")
+    above_zero("spread", spread, "the standard deviation of θ(0), relative to θ(0)")
+    asked = {*problem.identify, *np.ravel(track)}  # the names are checked later
     bristles = {"sigma_0", "sigma_1"} & {*told_of(nominal), *asked}
     geared = flag("gear", gear) and not bristles
     model = with_laws(nominal, torque=problem.torque, period=period, geared=geared)
@@ -136,7 +138,7 @@ def _work(
     auto: bool,
     looks: bool = False,
 ) -> Workspace:
-    """Return the memory of the filter for a model; ``looks`` is whether it looks for cogging."""
+    """Return the memory of the filter; ``looks`` states whether the filter searches for cogging."""
     period, torque = problem.period, problem.torque
     told, names = told_of(problem.nominal), (*tracked, *learnt)
     model = without(model, [n for n in ("f_s", "gap") if n not in (*names, *told)])
@@ -145,7 +147,7 @@ def _work(
     thought = thought if deviations is None else known_better(model, thought, deviations)
     design = _design(model, problem, thought, _walk(model, names, len(tracked), walk))
     scale, at = thought.scale, {name: i for i, name in enumerate(names)}
-    stated = (*told, *structure(model))  # which every axis has
+    stated = (*told, *structure(model))  # present in every axis
     groups = [
         {at[n]: value / scale[at[n]] for n, value in group.items()}
         for group in told_groups(model, names, learnt, stated)
@@ -181,7 +183,7 @@ def _work(
 
 
 def _design(model: Model, problem: Problem, thought: Prior, walk: np.ndarray) -> Design:
-    """Return the design for a prior and a walk, as of `_walk`."""
+    """Return the design of the filter for a prior and the result of `_walk`."""
     noise = problem.noise
     if noise is None and not isinstance(problem.nominal, Model):
         noise = problem.nominal.get("noise")
@@ -198,13 +200,13 @@ def _design(model: Model, problem: Problem, thought: Prior, walk: np.ndarray) ->
 
 
 def _most_waves(model: Model, torque: ArrayLike | None, period: float) -> int:
-    """Return the largest number of cogging waves per turn that the filter looks for."""
+    """Return the largest number of cogging waves per revolution in the search for cogging."""
     ((_, motion), *_) = measured(model, torque, period)
     return max(1, int(FASTEST / (motion.drive * period)))
 
 
 def _walk(model: Model, names: Sequence[str], tracked: int, walk: float) -> np.ndarray:
-    """Return the growth of the variances of θ (p,) per second, relative to the squared scale."""
+    """Return the increase of the variance of θ (p,) per second, relative to the squared scale."""
     deviation = np.full(len(names), STRUCTURE / WALK * walk)
     for i, name in enumerate(names[:tracked]):
         physical = name.removeprefix("1/")
@@ -216,8 +218,8 @@ def _walk(model: Model, names: Sequence[str], tracked: int, walk: float) -> np.n
 ENTRIES = (
     Entry(
         "glr",
-        "recommended: a joint Kalman filter with a bank of hypotheses, which parameter jumped, "
-        "when, by how much",
+        "recommended: a joint Kalman filter with a bank of hypotheses about which parameter "
+        "jumped, when, and by how much",
         glr,
         knob="walk",
         default=WALK,

@@ -1,4 +1,4 @@
-"""Interacting multiple models: joint extended Kalman filters that exchange their estimates."""
+"""The interacting-multiple-model filter: extended Kalman filters that exchange their estimates."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,8 +13,8 @@ from flexaxis.estimators.problem import Problem
 from flexaxis.estimators.registry import Entry
 
 WALK, RATE, JUMP = 0.0015, 1e-3, 0.1581  # 1/√s, 1/s and relative to θ(0), without a tuned walk
-TUNED_RATE, TUNED_JUMP = 1e-6, 0.3  # with a tuned walk: if a jump is expected every 1000 s, no walk
-# is slow enough to match the noise of the paper's method
+TUNED_RATE, TUNED_JUMP = 1e-6, 0.3  # the same with a tuned walk. With a rate of one jump in 1000 s,
+# the noise would exceed that of the paper's method for every walk
 
 
 def joint_imm(
@@ -26,7 +26,7 @@ def joint_imm(
     **torque_noise: float,
 ) -> CompiledFilter:
     """
-    Make an interacting-multiple-model filter with a quiet mode and one jump mode for each θ_i.
+    Return an interacting-multiple-model filter with a quiet mode and one jump mode for each θ_i.
 
     Every mode j is a joint extended Kalman filter (`flexaxis.estimators.methods.ekf`). The quiet
     mode uses the covariance W; jump mode i uses W with an additional variance for θ_i. The sequence
@@ -44,7 +44,7 @@ def joint_imm(
     Parameters
     ----------
     design : Design
-        Options as in `flexaxis.estimators.methods.ekf.joint_ekf`; the drift applies to the quiet
+        Options as in `flexaxis.estimators.methods.ekf.joint_ekf`. The drift applies to the quiet
         mode.
     jump : (p,) array_like
         Variance that each θ_i gains in every sample during a jump of this parameter.
@@ -53,12 +53,12 @@ def joint_imm(
     hold : float
         Mean duration of a jump mode [s].
     **torque_noise
-        As for `flexaxis.estimators.methods.ekf.joint_ekf`.
+        Options as in `flexaxis.estimators.methods.ekf.joint_ekf`.
 
     Raises
     ------
     EstimatorError
-        If an option cannot be used.
+        If an option is invalid.
     """
     period, p = design.period, len(design.theta0)
     if not (0 < rate * period < 1 and period < hold < np.inf):
@@ -87,13 +87,13 @@ def _imm(
     hold: float = 0.05,
 ) -> CompiledFilter:
     """
-    Make the interacting-multiple-model filter.
+    Return the interacting-multiple-model filter for a problem.
 
     Parameters
     ----------
     walk, spread
-        Options as in `flexaxis.estimators.methods.ekf._extended`; the walk applies to the quiet
-        mode, and its default on an axis without a tuned value is 0.0015.
+        Options as in `flexaxis.estimators.methods.ekf._extended`. The walk applies to the quiet
+        mode. Its default is 0.0015 on an axis without a tuned value.
     jump : float, optional
         Standard deviation of a jump of θ_i, relative to θ(0); 0.3 on an axis with a tuned walk,
         otherwise 0.1581.
@@ -118,7 +118,7 @@ def _imm(
 ENTRIES = (
     Entry(
         "imm",
-        "interacting multiple models: Kalman filters, a quiet one and one for each jump",
+        "interacting multiple models: a Kalman filter without jumps, and one for each parameter",
         _imm,
         knob="walk",
         default=WALK,

@@ -1,9 +1,9 @@
 """
 The loops of the filters over the samples: each loop shows one method in a few lines.
 
-The arguments of each loop include the memory block of the filter and ``at``, the positions of the
+The arguments of each loop include the memory block of the filter, and the positions ``at`` of the
 arrays in the block; see `flexaxis.estimators.filters.filter.CompiledFilter`. If ``laws`` is None,
-the model is linear. The compiled code then contains no laws and takes much less time to compile.
+the model is linear. The compiled code then contains no laws, and compilation takes much less time.
 θ[k] is computed from y[k] before u[k] acts on the state x.
 """
 
@@ -25,7 +25,7 @@ from flexaxis.estimators.models.series import over_sample
 
 @loop
 def rpem(block, at, u, y, valid, estimates, trace, laws):  # noqa: PLR0917
-    """Process samples with a recursive prediction-error method, eq. (5)–(23)."""
+    """Process samples with the recursive prediction-error method, eq. (5)–(23)."""
     state = views(Recursion, block, at)
     for k in range(len(u)):
         measure(state, y[k], valid[k])  # (5)–(7)
@@ -40,7 +40,7 @@ def rpem(block, at, u, y, valid, estimates, trace, laws):  # noqa: PLR0917
 
 @loop
 def ekf(block, at, u, y, valid, estimates, trace, laws):  # noqa: PLR0917
-    """Process samples with a joint extended Kalman filter."""
+    """Process samples with the joint extended Kalman filter."""
     state = views(Joint, block, at)
     now = state.now[0]
     for k in range(len(u)):
@@ -55,7 +55,7 @@ def ekf(block, at, u, y, valid, estimates, trace, laws):  # noqa: PLR0917
 
 @inlined
 def _publish(state, estimates, trace):
-    """Write θ[k], and ŷ[k], the innovation and its variance."""
+    """Store θ[k] in ``estimates``; store ŷ[k], the innovation and its variance in ``trace``."""
     for i in range(len(estimates)):
         estimates[i] = state.theta[i]
     show(state.now[0], trace)
@@ -63,7 +63,7 @@ def _publish(state, estimates, trace):
 
 @loop
 def imm(block, at, u, y, valid, estimates, trace, laws):  # noqa: PLR0917
-    """Process samples with interacting multiple models."""
+    """Process samples with the interacting-multiple-model filter."""
     modes = views(Modes, block, at)
     now, quiet = modes.now, modes.now[0]
     for k in range(len(u)):

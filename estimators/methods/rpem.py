@@ -1,4 +1,4 @@
-"""The paper's recursive prediction-error method: with forgetting, and with drift."""
+"""The paper's recursive prediction-error method, with a forgetting factor or with drift."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
@@ -40,7 +40,7 @@ class Trace(NamedTuple):
     epsilon : (N,) array
         Residuals y − ŷ, eq. (6).
     psi : (N, p) array
-        Gradients of ŷ at the estimate before each sample, eq. (16).
+        Gradients of ŷ with respect to θ at the estimate before each sample, eq. (16).
     P : (N, p, p) array
         Matrices P(t+1|t), for a noise variance of one.
     covariance : (N, p) array
@@ -58,8 +58,9 @@ class Rpem(CompiledFilter):
     """
     Recursive prediction-error method with forgetting or covariance modification.
 
-    Eq. (5)–(23) of Östring and Gunnarsson, *Recursive identification of physical parameters in a
-    flexible robot arm*: (13) with ``forgetting``, (14) with ``drift``, both followed by (12).
+    The class implements eq. (5)–(23) of Östring and Gunnarsson, *Recursive identification of
+    physical parameters in a flexible robot arm*. P is updated by eq. (13) if ``forgetting`` is
+    given and by eq. (14) if ``drift`` is given. Both updates are followed by eq. (12).
 
     Parameters
     ----------
@@ -67,8 +68,8 @@ class Rpem(CompiledFilter):
         Grey-box model, such as ``three_mass(nominal)``. If the model contains nonlinear laws, the
         sensitivities are propagated along the nonlinear trajectory.
     identify : sequence of str, optional
-        Parameters to estimate, or their inverses; the model's attribute ``identify`` by default.
-        All other parameters keep their nominal values.
+        Names of the parameters to estimate, or of their inverses. The default is the model's
+        attribute ``identify``. All other parameters keep their nominal values.
     theta0 : (p,) array_like, optional
         Initial estimate θ(0); the model's nominal values by default.
     P0 : (p,) or (p, p) array_like
@@ -77,41 +78,41 @@ class Rpem(CompiledFilter):
     period : float
         Sampling period T [s].
     noise : float, optional
-        Standard deviation of the noise of y, in the unit of y; estimated from the residual by
-        default.
+        Standard deviation of the noise of y, in the unit of y. By default, it is estimated from the
+        residual.
     forgetting : float, optional
         Forgetting factor λ in (0, 1] per sample, eq. (9). If neither ``forgetting`` nor ``drift``
-        is given, λ = 1 − T/(1 s), which is a time constant of 1 s.
+        is given, λ = 1 − T/(1 s), which corresponds to a time constant of 1 s.
     drift : (p,) or (p, p) array_like, optional
-        Covariance Δ, or its diagonal, that P gains in every sample, eq. (10).
+        Covariance Δ that is added to P in every sample, eq. (10), or the diagonal of Δ.
     regularization : float or (p,) array_like
-        Weight μ ≥ 0 of eq. (12), one value or one for each parameter; with forgetting it keeps
-        P ≤ (1−λ)/μ.
+        Weight μ ≥ 0 of eq. (12), either one value or one value per parameter. With forgetting, the
+        weight keeps P ≤ (1−λ)/μ.
     bounds : (lower, upper), optional
-        Box on which θ is projected after every update, without a change of P; 0.1 to 10 times θ(0)
+        Bounds to which θ is clipped after every update, without a change of P; 0.1 to 10 times θ(0)
         by default.
     output : {"speed", "increment", "angle"}
         Kind of signal y: the motor speed at t_k, the increment (φ[k]−φ[k−1])/T of the motor angle,
-        or the angle φ itself, which is converted to increments.
+        or the motor angle φ. The method converts angles to increments.
     state_correction : bool
         Whether the state is corrected for every change of θ, x ← x + z Δθ with z = ∂x/∂θ. To first
         order, the corrected state is the one that the new θ would have produced from past inputs.
-        The paper does not correct the state; without correction the estimate follows a jump more
-        slowly and with overshoot.
+        The paper does not correct the state. Without this correction, the estimate follows a jump
+        more slowly and with overshoot.
     robust : float
-        Number of standard deviations to which residuals are clipped, such as 3, so that an outlier
-        cannot cause a large error of the estimate (Huber's influence function; P. J. Huber, *Robust
-        estimation of a location parameter*, Ann. Math. Stat. 35, 1964); 0 for no limit. In the
-        first 50 samples, when R̂ is the mean of k residuals, the limit is larger by a factor of
-        (50/k)². With a limit, the readings of a stuck or saturated sensor are ignored as well; see
-        `flexaxis.estimators.filters.fault_monitor`.
+        Number of standard deviations to which residuals are clipped, such as 3; 0 for no limit.
+        Clipping prevents a large error of the estimate after an outlier (Huber's influence
+        function; P. J. Huber, *Robust estimation of a location parameter*, Ann. Math. Stat. 35,
+        1964). In the first 50 samples, when R̂ is the mean of k residuals, the limit is larger by a
+        factor of (50/k)². If residuals are clipped, the filter also ignores the readings of a stuck
+        or saturated sensor; see `flexaxis.estimators.filters.fault_monitor`.
     ceiling : float
         Largest variance R̂ P_ii of a parameter relative to θ(0)², unless P(0) or a reset allows a
-        larger one. Until R̂ is known, P_ii ≤ 100 P(0)_ii. Results are identical, to the last bit,
-        unless P reaches the ceiling, for example in a long standstill. Infinite for the paper's
-        original method.
+        larger variance. Until R̂ is known, the limit is P_ii ≤ 100 P(0)_ii. The ceiling has no
+        effect unless P reaches it, for example during a long standstill. The paper's original
+        method has an infinite ceiling.
     rule : mapping of str to float, optional
-        Number of another rule of forgetting, and the options of this rule; see
+        Number and options of another rule of forgetting; see
         `flexaxis.estimators.filters.forgetting`.
 
     Attributes
@@ -121,28 +122,28 @@ class Rpem(CompiledFilter):
     theta, psi : (p,) arrays
         Current estimate, and gradient of ŷ at the previous estimate.
     P : (p, p) array
-        Matrix P(t+1|t), for a noise variance of one; assign a new value to reset the filter after a
+        Matrix P(t+1|t), for a noise variance of one. Assign a new value to reset the filter after a
         known change.
     covariance : (p, p) array
-        Claimed covariance R̂ Σ of the estimate of a constant θ, with
-        Σ ← (I − Kψᵀ) Σ (I − Kψᵀ)ᵀ + K Kᵀ and K = P(t|t) ψ. Assigning P also sets Σ = P; in slow,
+        Covariance R̂ Σ that the filter claims for its estimate of a constant θ, with
+        Σ ← (I − Kψᵀ) Σ (I − Kψᵀ)ᵀ + K Kᵀ and K = P(t|t) ψ. Assigning P also sets Σ = P. In slow,
         steady adaptation Σ equals P/2. R̂ is the square of ``noise`` or a running mean of
-        ε²/(1+ψᵀΣψ) with a memory of 2 s; R̂ is one before the first measurement, and is updated only
+        ε²/(1+ψᵀΣψ) with a memory of 2 s. R̂ is one before the first measurement, and is updated only
         while the axis is excited.
     epsilon : float
-        Residual y − ŷ; NaN in a gap.
+        Residual y − ŷ; NaN if the measurement is missing.
     prediction, innovation, innovation_variance, innovations
         Attributes of `flexaxis.estimators.filters.filter.RecursiveEstimator`.
 
     Raises
     ------
     EstimatorError
-        If an option cannot be used. A diverging estimate does not raise an error.
+        If an option is invalid. A diverging estimate does not raise an error.
 
     Notes
     -----
-    θ[k] uses y[0..k] and u[0..k−1]; u[k] is held on [t_k, t_{k+1}) and first acts on y[k+1]. The
-    sensitivities are zero before the first sample. Internally, all quantities are expressed in
+    θ[k] depends on y[0..k] and u[0..k−1]; u[k] is held on [t_k, t_{k+1}) and first acts on y[k+1].
+    The sensitivities are zero before the first sample. Internally, all quantities are expressed in
     θ/θ(0), so the units and signs of the parameters do not matter.
     """
 
@@ -202,10 +203,10 @@ class Rpem(CompiledFilter):
         """
         Restart the filter for a change that is known to happen at the next sample.
 
-        Let k₀ be the first sample with the new parameters; call this method after sample k₀ − 1.
+        Let k₀ be the first sample with the new parameters. Call this method after sample k₀ − 1.
         y[k₀] still depends on the old parameters only, and the torque that is held from t_k₀ on
-        acts on the new ones. The state is kept, but its sensitivities are set to zero, because the
-        state does not depend on the new θ yet.
+        acts on the new parameters. The state is kept, but its sensitivities are set to zero,
+        because the state does not depend on the new θ yet.
 
         Parameters
         ----------
@@ -229,7 +230,7 @@ class Rpem(CompiledFilter):
         return self.innovation
 
     def trace(self, u: Iterable[float], y: Iterable[float]) -> Trace:
-        """Process samples as ``run`` does, and return residual, gradient and P of every sample."""
+        """Process samples and return the internal variables of the filter after each sample."""
         rows = [
             (self.step(*sample), self.epsilon, self.psi, self.P, np.diag(self.covariance))
             for sample in zip(u, y, strict=True)
@@ -247,7 +248,7 @@ def rpem_forgetting(
     ceiling: float = CALM,
 ) -> Rpem:
     """
-    Make the method with forgetting factor λ, eq. (13).
+    Return the paper's method with the forgetting factor λ, eq. (13).
 
     Parameters
     ----------
@@ -280,7 +281,7 @@ def rpem_drift(
     ceiling: float = 10 * CALM,
 ) -> Rpem:
     """
-    Make the method with covariance modification by ``scale`` times Δ, eq. (14), (32).
+    Return the paper's method with covariance modification, eq. (14), by a multiple of Δ, eq. (32).
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
-"""Methods that process a whole record: identification, frequency responses, priors, theory.
+"""Methods that process a whole record, for identification and for the setup of filters.
 
 `output_error` and `prediction_error` fit a model to a record, using `predictor`, `trajectory` and
-`coulomb`; `frequency` estimates a frequency response without a physical model. `structure` and
-`roles` determine which parameters an axis may have and which of them are known. `priors` computes
-P(0), Δ and the expected tracking speed and noise. The inputs are u, y and a model; the outputs are
-parameters with their covariance, or initial values for a filter.
+`coulomb`. `frequency` computes frequency responses. `structure` and `roles` determine the possible
+parameters of an axis and which of these parameters are known. `priors` computes P(0), Δ and the
+expected tracking speed and noise. The inputs are u, y and a model. The outputs are parameters with
+their covariance, or initial values for a filter.
 """

@@ -1,9 +1,9 @@
 """
 Simulation of an axis with Coulomb friction, with the exact instant of each friction reversal.
 
-Between reversals such an axis is linear. While the axis slides, friction is a constant torque;
-while the axis sticks, the speed is zero. A step with a reversal is halved until the reversal is
-located within 2⁻⁴⁰ of a sample. Therefore estimates do not depend on a step size, and the sum of
+Between reversals, such an axis is linear. While the axis slides, friction is a constant torque.
+While the axis sticks, the speed is zero. A step with a reversal is halved until the reversal is
+located within 2⁻⁴⁰ of a sample. Therefore, estimates do not depend on a step size, and the sum of
 squares is a smooth function of the parameters.
 """
 
@@ -18,7 +18,7 @@ from flexaxis.estimators.models.parametrization import Parametrization
 
 Array = NDArray[np.float64]
 
-COULOMB, STIFFNESS = 0, 3  # indices of two roles of the law of bristles
+COULOMB, STIFFNESS = 0, 3  # indices of two roles of the bristle law
 STIFF = 1.0  # radians per sample: bristles that vibrate faster are treated as Coulomb friction
 HALVINGS = 40  # largest number of halvings of a sample
 
@@ -27,7 +27,7 @@ class Sampled(NamedTuple):
     """
     A sampled axis at fixed parameters, the argument of `follow`.
 
-    The last state is the held torque, and the second to last state is the torque of friction.
+    The last state is the held torque, and the second to last state is the friction torque.
 
     Attributes
     ----------
@@ -38,7 +38,7 @@ class Sampled(NamedTuple):
     pull : (n+1,) array
         Row of coefficients that maps the states to the acceleration, multiplied by T.
     speed : int
-        Index of the speed that drives friction among the states.
+        Index, among the states, of the speed that drives friction.
     level : float
         Coulomb friction f_c; 0 for an axis without friction.
     cleared : (r,) int array
@@ -55,10 +55,10 @@ class Sampled(NamedTuple):
 
 def is_dry(model: Parametrization, period: float) -> bool:
     """
-    Return whether the only law of an axis is Coulomb friction that acts on one speed.
+    Return whether the only nonlinear law of an axis is Coulomb friction that acts on one speed.
 
-    Coulomb friction is represented by bristles that have only a level and a stiffness, with a
-    natural frequency (σ₀/J)^½ [rad/s] that is too high to be visible at the sampling period [s].
+    In the model, Coulomb friction is a bristle law with only a level and a stiffness. The natural
+    frequency (σ₀/J)^½ [rad/s] of the bristles is too high to be visible at the sampling period [s].
     """
     if model.laws["kind"].tolist() != [BRISTLE]:
         return False
@@ -70,7 +70,7 @@ def is_dry(model: Parametrization, period: float) -> bool:
 
 
 def sampled(model: Parametrization, theta: Array, period: float) -> Sampled:
-    """Sample an axis that is linear or fulfils `is_dry`, with the parameters θ (p,)."""
+    """Return a sampled axis with parameters θ (p,); the axis must be linear or fulfil `is_dry`."""
     generator, level, speed = model.blocks(theta)[0] * period, 0.0, 0
     output, generator[-1] = generator[-1] / period, 0.0
     stuck = generator.copy()
@@ -89,7 +89,7 @@ def sampled(model: Parametrization, theta: Array, period: float) -> Sampled:
 
 @inlined
 def _times(row, x):
-    """Return the product of a row and a state."""
+    """Return the scalar product of a row and a state."""
     total = 0.0
     for j in range(len(x)):
         total += row[j] * x[j]
@@ -132,7 +132,7 @@ def follow(axis, x, torque):
             if met:
                 x[v], way = 0.0, _way(axis, x, hold)
             while part and place % (2 << (HALVINGS - part)) == 0:
-                part -= 1  # take the longest step that is aligned with the current position
+                part -= 1  # use the longest step that fits a grid through the current position
         y[k] = _times(axis.output, x)
     return y
 

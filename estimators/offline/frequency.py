@@ -1,10 +1,10 @@
 """
-Frequency responses: high-order ARX models without physical assumptions, and grey-box models.
+Frequency responses of grey-box models and of high-order ARX models without physical assumptions.
 
 The ARX model y[k] + a₁ y[k−1] + … + a_n y[k−n] = b₁ u[k−1] + … + b_n u[k−n] + e[k] is linear in its
-coefficients, which are therefore found by linear least squares. With increasing order n an ARX
-model can describe any linear system: L. Ljung, *System Identification: Theory for the User*,
-2nd ed., sections 4.2 and 10.1.
+coefficients, so linear least squares determine these coefficients. An ARX model of sufficiently
+high order n can describe any linear system (L. Ljung, *System Identification: Theory for the User*,
+2nd ed., sections 4.2 and 10.1).
 """
 
 import numpy as np
@@ -36,7 +36,7 @@ def fit_arx(u: ArrayLike, y: ArrayLike, *, order: int) -> tuple[Array, Array]:
     Raises
     ------
     EstimatorError
-        If the order is below one, or the record too short for it.
+        If the order is below one, or if the record is too short for this order.
     """
     u, y, _ = check_signals(u, y)
     if not 1 <= order < len(u) / 3:
@@ -57,7 +57,9 @@ def frequency_response(
     model: Parametrization, theta: ArrayLike, omega: ArrayLike, *, period: float
 ) -> tuple[ComplexArray, ComplexArray]:
     """
-    Return G (M,) and G_θ (M, p) of the sampled model at e^{iωT}, eq. (25)–(27).
+    Return the response G (M,) of the sampled model and its gradient G_θ (M, p), eq. (25)–(27).
+
+    Both are evaluated at z = e^{iωT}.
 
     Parameters
     ----------
@@ -73,7 +75,7 @@ def frequency_response(
     z, n = np.exp(1j * np.asarray(omega, float) * period), model.n
     resolvent = np.linalg.inv(z[:, None, None] * np.eye(n) - transition[-n:, -n:])
     state = resolvent @ gain[-n:]
-    # states of the sensitivities: driven by the state, all with the same resolvent
+    # the state drives the sensitivities, which all have the same resolvent as the state
     driven = (state @ transition[:-n, -n:].T + gain[:-n]).reshape(len(z), -1, n)
     states = np.concatenate([driven @ resolvent.swapaxes(1, 2), state[:, None]], axis=1)
     response = np.asarray(states.reshape(len(z), -1) @ output.T, np.complex128)
@@ -97,7 +99,7 @@ def line_spectrum(u: ArrayLike, *, period: float) -> tuple[Array, Array]:
     u = np.asarray(u, float)
     omega = np.asarray(2 * np.pi * np.fft.rfftfreq(len(u), period), np.float64)
     power = np.asarray(np.abs(np.fft.rfft(u) / len(u)) ** 2, np.float64)
-    power[1 : (len(u) + 1) // 2] *= 2  # both signs of ω; zero and Nyquist occur once
+    power[1 : (len(u) + 1) // 2] *= 2  # both signs of ω; zero and the Nyquist frequency occur once
     return omega, power
 
 

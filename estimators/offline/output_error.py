@@ -2,8 +2,9 @@
 Off-line output-error identification of any parameters, with a check of the result.
 
 The exactly sampled model is fitted to a whole record by nonlinear least squares with the analytic
-gradient. For white output noise this is the prediction-error method, which attains the Cramér–Rao
-bound: L. Ljung, *System Identification: Theory for the User*, 2nd ed., sections 7.2–7.4, 9.4, 10.2.
+gradient. For white output noise, this is the prediction-error method, which attains the Cramér–Rao
+bound (L. Ljung, *System Identification: Theory for the User*, 2nd ed., sections 7.2–7.4, 9.4,
+10.2).
 """
 
 from collections.abc import Sequence
@@ -21,7 +22,7 @@ from flexaxis.estimators.signals import check_signals
 
 Array = NDArray[np.float64]
 
-COLOURED = 0.1  # correlation of successive residuals above which the residuals are not white noise
+COLOURED = 0.1  # correlation of successive residuals above which residuals are not white noise
 UNDETERMINED = 0.5  # relative standard deviation above which the data do not determine a change
 
 
@@ -37,14 +38,14 @@ class Identified:
     theta : (p,) array
         Estimates of the parameters.
     covariance : (p, p) array
-        Covariance of the estimates for white output noise; extremely large for parameters that the
-        data do not determine.
+        Covariance of the estimates for white output noise. The covariance is extremely large for
+        parameters that the data do not determine.
     correlation : float
         Correlation of successive residuals; near zero if the residuals are white noise.
     condition : float
-        Condition number: the largest effect on the output of a relative change of the parameters,
-        divided by the smallest effect of a change of the same size; 1e10 or more for a singular
-        problem.
+        Condition number of the fit. This is the largest effect of a relative change of the
+        parameters on the output, divided by the smallest effect of a change of the same size. A
+        value of 1e10 or more indicates a singular problem.
     warnings : tuple of str
         Reasons to doubt the result, in words; empty if there are none.
     """
@@ -94,14 +95,14 @@ def output_error(
     Raises
     ------
     EstimatorError
-        If an argument cannot be used. A local minimum, or a parameter that the data do not
-        determine, raises no error but results in `Identified.warnings`.
+        If an argument is invalid. A local minimum or a parameter that the data do not determine
+        does not raise an error; `Identified.warnings` contains a message instead.
 
     Notes
     -----
-    The misfit has local minima. For the paper's three parameters the search finds the true values
-    if it starts at 0.85 to 1.7 times the true values. If it starts at 0.7 or 2 times, it does not
-    find the true values, and the result contains a warning.
+    The misfit has local minima. For the paper's three parameters, the search finds the true values
+    if it starts at 0.85 to 1.7 times the true values. If the search starts at 0.7 or 2 times the
+    true values, it does not find them, and the result contains a warning.
     """
     u, y, _ = check_signals(u, y)
     chosen = model.parametrize(identify)
@@ -131,22 +132,24 @@ def _result(names: tuple[str, ...], scale: Array, search: OptimizeResult) -> Ide
     deviations = np.sqrt(variance) / singular
     correlation = float(residual[1:] @ residual[:-1] / (residual @ residual))
     problems = [
-        f"{name}: at the bound of the search"
+        f"the estimate of {name} is at a bound of the search"
         for name, side in zip(names, search.active_mask, strict=True)
         if side
     ]
     if search.status == 0:
-        problems.append(f"not converged after {search.nfev} evaluations")
+        problems.append(f"the search did not converge in {search.nfev} evaluations")
     if abs(correlation) > max(COLOURED, 4 / np.sqrt(len(residual))):
         problems.append(
-            f"successive residuals correlate by {correlation:.2f}, so more than white noise is "
-            "left: a local minimum (start elsewhere), or an axis that the model does not describe"
+            f"the correlation of successive residuals is {correlation:.2f}, so they are not white "
+            "noise; the search may have ended in a local minimum (try another start), or the model "
+            "does not describe the axis"
         )
     if deviations[-1] > UNDETERMINED:
         share = changes[-1] / changes[-1][np.argmax(abs(changes[-1]))]
         parts = [f"{n} {x:+.1f} %" for n, x in zip(names, share, strict=True) if abs(x) > 0.1]
         problems.append(
-            f"the data hardly see a change in the proportion {', '.join(parts)}: fix one of them"
+            f"a combined change of {', '.join(parts)} hardly affects the output; hold one of these "
+            "parameters constant"
         )
     return Identified(
         names=names,

@@ -1,11 +1,11 @@
 """
-The prediction-error method: a fit of all unknowns of a record, in noise of any colour.
+The prediction-error method: a fit of all unknowns to a record with coloured noise.
 
 The disturbances of a real axis are not white. They are strongest at the resonances of the axis, and
-a plain output-error fit then favours these frequencies at the expense of all others. Therefore the
-residual is modelled as an autoregression, residual and gradient are filtered by the inverse of the
-noise model, and the fit is repeated until it converges: D. W. Clarke, *Generalized least squares
-estimation of the parameters of a dynamic model* (IFAC 1967). Because the filter is applied to the
+a plain output-error fit favours these frequencies at the expense of all others. Therefore, the
+residual is modelled as an autoregression. The inverse of this noise model filters the residual and
+the gradient, and the fit is repeated until it converges (D. W. Clarke, *Generalized least squares
+estimation of the parameters of a dynamic model*, IFAC 1967). Because the filter is applied to the
 residual and not to the signals, the axis may have nonlinear laws.
 """
 
@@ -24,10 +24,10 @@ Flags = NDArray[np.bool_]
 
 HIGHEST_ORDER = 60  # highest order of the noise model
 FASTEST = 4 * np.pi  # radians per sample: a log cannot represent an axis with such a fast pole
-ROUNDS, EVALUATIONS = 40, 25  # limits: one round may reduce an error to 2/3 only
+ROUNDS, EVALUATIONS = 40, 25  # limits; one round may reduce an error by only one third
 CONVERGED = 0.05  # distance to the minimum at which a fit ends, in standard deviations
-TURNS = 1.0  # the same for the last round, because noise models may alternate
-ROUGH = 5.0  # the same if no step reduces the misfit because friction is at a kink
+TURNS = 1.0  # the same distance for the last round, because noise models may alternate
+ROUGH = 5.0  # the same distance if a kink of friction prevents any reduction of the misfit
 CAREFUL, BOLD, STIFFEST = 1e-3, 1e-8, 1e3  # damping of the first step, and its limits
 FORGOTTEN = 1e-2  # fraction of the effect of an initial state below which it counts as forgotten
 EXACT = 1e-10  # relative step size below which rounding prevents further progress
@@ -38,19 +38,19 @@ PIECES = 10  # number of pieces of a record in the jackknife
 @dataclass(frozen=True)
 class Fitted:
     """
-    An intermediate or final result of a fit.
+    An intermediate or final result of a fit to a record.
 
     Attributes
     ----------
     problem : Problem
-        Trajectory and record that are fitted.
+        Trajectory, record and bounds of the fit.
     z : (q,) array
         Values of the unknowns.
     residual, slopes : (N,), (q, N) arrays
         Simulated residual y − ŷ, and derivatives of ŷ with respect to z.
     inverse : (n+1,) array
-        Coefficients 1, a₁, …, a_n of the autoregression of the noise. As a filter, they whiten the
-        residual.
+        Coefficients 1, a₁, …, a_n of the autoregressive noise model, which form a filter that
+        whitens the residual.
     converged : bool
         Whether the fit has converged.
     """
@@ -104,7 +104,7 @@ class Fitted:
         return np.sqrt(np.diag(self.covariance))
 
     def step(self, damping: float = 0.0) -> Array:
-        """Return the damped step (q,); unknowns that would leave the box stay at its boundary."""
+        """Return the damped step (q,); unknowns that would exceed their bounds do not change."""
         (H, g), lower, upper = self.curvature, self.problem.lower, self.problem.upper
         free, step = ~self.problem.held, np.zeros(len(self.z))
         for _ in range(len(self.z)):
@@ -137,7 +137,7 @@ class Fitted:
 @dataclass(frozen=True)
 class Problem:
     """
-    A trajectory that is to be fitted to a record.
+    A trajectory, and the record to which the trajectory is fitted.
 
     Attributes
     ----------
@@ -150,7 +150,7 @@ class Problem:
     lower, upper : (q,) arrays
         Bounds of z.
     held : (q,) array of bool
-        Whether each element of z is held constant, such as a known delay.
+        Whether each unknown in z is held constant, for example a known delay.
     """
 
     trajectory: Trajectory
@@ -169,7 +169,7 @@ class Problem:
         return noise_model(residual, highest, self.ok)
 
     def at(self, z: Array, inverse: Array) -> Fitted:
-        """Simulate at z; the result has an infinite mean square if simulation is impossible."""
+        """Return the result of a simulation at z, with an infinite mean square if it fails."""
         z = np.clip(z, self.lower, self.upper)
         if self.trajectory.fastest(z[: self.trajectory.p]) > FASTEST:
             N = len(self.y)
@@ -207,7 +207,7 @@ class Problem:
         self, z: Array, *, rounds: int = 0, most: int = EVALUATIONS, near: float = CONVERGED
     ) -> Fitted:
         """
-        Fit the unknowns in white noise, then the noise and the unknowns in turn until convergence.
+        Fit the unknowns for white noise, then the noise model and the unknowns alternately.
 
         Parameters
         ----------
@@ -279,10 +279,10 @@ def jackknife(J: Array, e: Array, good: Flags, key: Array | None = None) -> Arra
     """
     Return jackknife standard deviations (q,) of a regression of e (N,) on the rows of J (q, N).
 
-    Each of the `pieces` is omitted once; the estimate without the piece is computed by one
-    Gauss–Newton step from the estimate with all pieces. For white noise the result agrees with the
-    covariance; errors of the model increase it. B. Efron and C. Stein, *The jackknife estimate of
-    variance*, Ann. Statist. 9, 1981.
+    Each of the `pieces` is omitted once. The estimate without the piece is computed by one
+    Gauss–Newton step from the estimate with all pieces. For white noise, the result agrees with the
+    covariance. Errors of the model increase the result (B. Efron and C. Stein, *The jackknife
+    estimate of variance*, Ann. Statist. 9, 1981).
     """
     number = np.where(good, pieces(good, key), PIECES)
     parts = [J[:, number == i] for i in range(PIECES)]

@@ -28,7 +28,7 @@ def as_torque(values: ArrayLike) -> Array:
             raise ValueError
     except (TypeError, ValueError):
         text = " ".join(reprlib.repr(values).split())
-        raise EstimatorError(f"torque is {text}: give that of a run, (N,) numbers [N m]") from None
+        raise EstimatorError(f"torque is {text}; give the torque of a run in N m") from None
     return torque
 
 
@@ -54,7 +54,7 @@ def predict(
     Raises
     ------
     EstimatorError
-        If u is not a torque.
+        If u is not a one-dimensional, nonempty array of real numbers.
     """
     rows = along(simulation(model, theta, period), as_torque(u)[:-1])
     rows = np.vstack([np.zeros(rows.shape[1]), rows])

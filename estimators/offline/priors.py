@@ -1,11 +1,11 @@
 """
 Initial values P(0) and Δ, and the resulting tracking speed and noise of the estimates.
 
-P(0) and Δ are computed by the paper's recipe; the results for the nominal axis are stored. Near the
-true parameters the error of the estimate follows θ̃ ← (I − P Q) θ̃ + P ψ e on average, with
-Q = E ψψᵀ and white noise e of variance σ². In steady state P fulfils eq. (29) or (30), so P, the
-tracking speed and the noise depend on Q only: L. Ljung and S. Gunnarsson, *Adaptation and tracking
-in system identification – a survey*, Automatica 26 (1990) 7–21. The theory applies to slow
+P(0) and Δ are computed by the paper's recipe, and the results for the nominal axis are stored. Near
+the true parameters, the error of the estimate follows θ̃ ← (I − P Q) θ̃ + P ψ e on average, with
+Q = E ψψᵀ and white noise e of variance σ². In steady state, P fulfils eq. (29) or (30), so P, the
+tracking speed and the noise depend only on Q (L. Ljung and S. Gunnarsson, *Adaptation and tracking
+in system identification – a survey*, Automatica 26 (1990) 7–21). The theory applies to slow
 adaptation, with time constants much longer than the memory of the plant.
 """
 
@@ -30,7 +30,7 @@ from flexaxis.estimators.signals import find_signal
 
 Array = NDArray[np.float64]
 
-# results of the recipe for the paper's three parameters, on the nominal axis and reference
+# results of the recipe for the paper's three parameters, the nominal axis and its reference motion
 P_FORGETTING = {"k_T": 2.97e-4, "1/J_a": 5.19e-5, "f_m": 4.69e-6}  # multiplied by (1−λ)/0.005
 P_DRIFT = {"k_T": 5.6e-5, "1/J_a": 7.7e-5, "f_m": 7.1e-5}  # for Δ of eq. (32)
 DRIFT = {"k_T": 5e-8, "1/J_a": 50e-8, "f_m": 500e-8}  # eq. (32)
@@ -59,7 +59,7 @@ def nominal_P(
     ----------
     model : Model
     u : (N,) array_like
-        Torque of a nominal run of some tens of seconds.
+        Torque of a nominal run with a duration of some tens of seconds.
     identify, period, **options
         Options of `flexaxis.estimators.Rpem`, such as ``forgetting``, ``drift``, ``regularization``
         and ``output``.
@@ -72,7 +72,7 @@ def nominal_P(
     Raises
     ------
     EstimatorError
-        If an option or the torque cannot be used.
+        If an option or the torque is invalid.
     """
     first = model.parametrize(identify).theta ** 2 / 100
     design = make_design(model, identify=identify, P0=first, period=period, **options)
@@ -128,10 +128,10 @@ def default_drift(
 
     With a torque, Δ_ii = (T/τ_i)²/Q_ii, where Q_ii is the mean of ψ_i² for this torque. Estimate i
     then follows changes with the time constant τ_i, independent of units. If the poles of the model
-    are similar to those of the nominal axis, τ_i are the time constants that eq. (32) leads to on
-    the nominal axis; otherwise all τ_i are the geometric mean of these time constants. Without a
-    torque, Δ is that of eq. (32) on the nominal axis, and proportional to θ_i² on any other axis; Δ
-    is also proportional to T².
+    are similar to those of the nominal axis, τ_i are the time constants that result from eq. (32)
+    on the nominal axis. For any other model, all τ_i equal the geometric mean of these time
+    constants. Without a torque, Δ is taken from eq. (32) for the nominal axis and is proportional
+    to θ_i² for any other axis. In both cases Δ is proportional to T².
 
     Parameters
     ----------
@@ -181,7 +181,7 @@ def stored_P(
     Returns
     -------
     (p,) array or None
-        Diagonal of P(0), or None for another axis, period or other parameters.
+        Diagonal of P(0), or None if the axis, the period or the parameters differ.
     """
     if period != PERIOD or not is_nominal_axis(model, identify):
         return None
@@ -235,7 +235,7 @@ def steady_P(
     Raises
     ------
     EstimatorError
-        If not exactly one of forgetting and drift is given.
+        If both or neither of forgetting and drift are given.
     """
     Q = np.asarray(Q, float)
     inverse = np.linalg.inv(Q)
@@ -253,12 +253,12 @@ def drift_for(
     time_constants: ArrayLike, Q: ArrayLike, *, period: float, coupled: bool = False
 ) -> Array:
     """
-    Return the Δ (p, p) with which every estimate follows changes with a desired time constant.
+    Return the matrix Δ (p, p) for which every estimate follows changes with a given time constant.
 
     By default Δ is diagonal, Δ_ii = 1/(τ_i² Q_ii) with τ_i in samples. This choice is exact if the
     gradients of the parameters are uncorrelated, because P_ii Q_ii = 1/τ_i in this case. Correlated
     parameters slow each other down. The option ``coupled`` takes this effect into account with
-    Δ = D Q⁻¹ D, D = diag(1/τ_i), which is exact for equal time constants.
+    Δ = D Q⁻¹ D, D = diag(1/τ_i). This matrix is exact for equal time constants.
 
     Parameters
     ----------
@@ -279,7 +279,7 @@ def drift_for(
     Q, samples = np.asarray(Q, float), np.asarray(time_constants, float) / period
     if not np.all(samples > 1):
         raise EstimatorError(
-            f"time constants are {samples * period} s; give each longer than a sample, {period} s"
+            f"time constants are {samples * period} s; each must exceed the period of {period} s"
         )
     inverse = np.linalg.inv(Q) if coupled else np.diag(1 / np.diag(Q))
     return inverse / np.outer(samples, samples)
@@ -287,7 +287,7 @@ def drift_for(
 
 def tracking_error(P: ArrayLike, Q: ArrayLike, times: ArrayLike, *, period: float) -> Array:
     """
-    Return the remaining part of an initial error at given times, E θ̃(t) = exp(−P Q t/T) θ̃(0).
+    Return the remaining fraction of an initial error, E θ̃(t) = exp(−P Q t/T) θ̃(0).
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Selection of the parameters that are tracked, learnt once, known, or left out of a model."""
+"""Classification of the parameters of a model as tracked, learnt once, known or absent."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -18,20 +18,20 @@ ABSENT = (
     ("f_c", "f_s"),
     ("f_s",),
 )
-"""Groups of laws' parameters that are zero, all together, on many axes."""
-SEEN = 0.25  # largest ratio of the standard deviations after and before the first seconds for which
-# a parameter is learnt
+"""Groups of law parameters; on many axes, all parameters of a group are zero."""
+SEEN = 0.25  # largest ratio of the standard deviations of a learnt parameter after and before
+# initialisation
 
-AS_TOLD = "the first seconds hardly excite this parameter, so its value stays as it was told"
-AS_ABSENT = "the first seconds hardly excite this parameter, so it is taken as absent"
+AS_TOLD = "the initialisation data hardly excite this parameter, so it keeps its nominal value"
+AS_ABSENT = "the initialisation data hardly excite this parameter, so it is assumed to be zero"
 
 
 def names_of(option: str, names: object, allowed: Sequence[str]) -> tuple[str, ...]:
     """Return the names in an option; raise EstimatorError if a name is not allowed."""
     if isinstance(names, str) or not isinstance(names, Sequence | np.ndarray):
         raise EstimatorError(
-            f"{option} is {names!r}; give names among {', '.join(allowed)}"
-            + ("; or 'auto' or 'none'" if option == "learn" else "")
+            f"{option} is {names!r}; give a list of names from {', '.join(allowed)}"
+            + (", or 'auto' or 'none'" if option == "learn" else "")
         )
     for name in names:
         if name not in allowed:
@@ -43,13 +43,13 @@ def names_of(option: str, names: object, allowed: Sequence[str]) -> tuple[str, .
 
 
 def is_left(model: Model, name: str, identify: Sequence[str]) -> bool:
-    """Return whether a model contains a parameter and neither it nor its inverse is identified."""
+    """Return whether a model contains a parameter that is not identified, nor is its inverse."""
     physical = name.removeprefix("1/")
     return physical in model.parameters and physical not in {n.removeprefix("1/") for n in identify}
 
 
 def learnt_of(model: Model, tracked: Sequence[str], learn: Sequence[str] | str) -> tuple[str, ...]:
-    """Return the parameters to learn once; "auto" omits linear parameters with the value zero."""
+    """Return the parameters to learn once; "auto" excludes linear parameters of value zero."""
     names = structure_names(model, tracked)
     if learn == "auto":
         return tuple(n for n in names if n in model.law_parameters or model.nominal[n])
@@ -59,7 +59,7 @@ def learnt_of(model: Model, tracked: Sequence[str], learn: Sequence[str] | str) 
 
 
 def without(model: Model, absent: Sequence[str]) -> Model:
-    """Return the model with all ``absent`` parameters set to zero, if it is the `real_axis`."""
+    """Return a `real_axis` with all ``absent`` parameters set to zero, or any other model as is."""
     left_out = dict.fromkeys((n for n in absent if model.name == "real_axis"), 0.0)
     return replace(model, nominal=dict(model.nominal) | left_out)
 
@@ -67,7 +67,7 @@ def without(model: Model, absent: Sequence[str]) -> Model:
 def told_groups(
     model: Model, names: Sequence[str], learnt: Sequence[str], stated: Sequence[str]
 ) -> list[dict[str, float]]:
-    """Return the values to which groups of parameters are drawn: nominal if stated, or zero."""
+    """Return groups of parameters that are drawn to their nominal values if stated, or to zero."""
     linear = tuple(n for n in structure(model) if n in learnt)
     groups = [group for group in (linear, *ABSENT) if group and set(group) <= set(names)]
     return [{n: model.nominal[n] if n in stated else 0.0 for n in group} for group in groups]
@@ -78,8 +78,8 @@ def refuse_zero(thought: Prior) -> None:
     for name, scale in zip(thought.names, thought.scale, strict=True):
         if not scale:
             raise EstimatorError(
-                f"{name} is told to be 0, so the scale of its estimate is unknown; give the size "
-                f"expected of {name}, or leave it out of identify and track"
+                f"the nominal value of {name} is 0, so the scale of its estimate is unknown; give "
+                f"the expected size of {name}, or leave it out of identify and track"
             )
 
 
@@ -87,7 +87,7 @@ def known_better(model: Model, thought: Prior, deviations: Mapping[str, float]) 
     """Return a prior with some standard deviations replaced by those given in ``deviations``."""
     if not isinstance(deviations, Mapping):
         raise EstimatorError(
-            f"deviations is {deviations!r}; give standard deviations by the names of parameters"
+            f"deviations is {deviations!r}; give a mapping from parameter to standard deviation"
         )
     known = [name.removeprefix("1/") for name in thought.names]
     for name in deviations:
@@ -100,7 +100,7 @@ def known_better(model: Model, thought: Prior, deviations: Mapping[str, float]) 
     for i, name in enumerate(thought.names):
         physical = name.removeprefix("1/")
         if physical in deviations:
-            sd = above_zero(f"deviations[{physical!r}]", deviations[physical], "its deviation")
+            sd = above_zero(f"deviations[{physical!r}]", deviations[physical], "a number")
             deviation[i] = sd if name == physical else sd * thought.start[i] ** 2
     return replace(thought, deviation=deviation)
 
@@ -109,7 +109,8 @@ def seen(after: ArrayLike, before: ArrayLike) -> NDArray[np.bool_]:
     """
     Return, for each parameter, whether the excitation has made its estimate much more accurate.
 
-    Estimates of the other parameters would only compensate for errors of the model.
+    The other parameters should not be estimated, because their estimates would only compensate for
+    errors of the model.
 
     Parameters
     ----------

@@ -1,11 +1,11 @@
 """
-Prior distributions of parameters that are not known beforehand: start, deviation, and bounds.
+Prior distributions of unknown parameters: initial value, standard deviation and bounds.
 
 The dry friction, the backlash and the cogging of an axis are usually unknown, but their magnitudes
-are related to the motion of the axis. The torques of the laws are fractions of the rms torque, the
+are related to the motion of the axis. The torques of the laws are fractions of the rms torque. The
 speeds at which friction changes are fractions of the rms speed, and the gap of a spring is a
-fraction of the rms twist. These sizes are computed from the torque of a run with the linear model,
-so the priors apply to any axis and any units.
+fraction of the rms twist. The rms values are computed with the linear model from the torque of a
+run, so the priors apply to any axis and any units.
 """
 
 from collections.abc import Mapping, Sequence
@@ -46,8 +46,8 @@ class Sizes:
     force : float
         Torque of the law that would accelerate the axis as much as the rms input does.
     rate : float
-        Rms of the derivative of the drive divided by the rms of the drive, or the rate of the
-        fastest mode of the model if that is higher [1/s].
+        Rms of the derivative of the drive divided by the rms of the drive, but at least the rate of
+        the fastest mode of the model [1/s].
     """
 
     drive: float
@@ -87,13 +87,13 @@ def measured(model: Model, torque: ArrayLike | None, period: float) -> list[tupl
     Raises
     ------
     EstimatorError
-        If the torque cannot be used, or the torque is None and the axis is not the nominal one.
+        If the torque is invalid, or if it is None and the axis is not the nominal axis.
     """
     if torque is None:
         return [(law, _stored(model, law)) for law in model.laws]
     u = as_torque(torque)
     if not np.all(np.isfinite(u)) or not u.any():
-        raise EstimatorError("torque must be from a run in which the axis moves, and not all 0")
+        raise EstimatorError("torque must be finite, and from a run in which the axis moves")
     A, B, _ = matrices(model)
     x = _driven(model, u, period)
     changes = A @ x + np.outer(B, u)
@@ -104,7 +104,7 @@ def measured(model: Model, torque: ArrayLike | None, period: float) -> list[tupl
         size = float(np.std(drive @ x + law.drive.get(INPUT, 0.0) * u))
         if not size > 0:
             drives = ", ".join(law.drive)
-            raise EstimatorError(f"the torque does not move {drives}, which is the drive of a law")
+            raise EstimatorError(f"the torque does not change {drives}, on which a law depends")
         rate = float(np.sqrt(np.mean((drive @ changes) ** 2))) / size
         force = _force(model, acts) * float(np.sqrt(np.mean(u**2)))
         result.append((law, Sizes(size, force, max(rate, fastest))))
@@ -128,7 +128,7 @@ def _driven(model: Model, u: Array, period: float) -> Array:
 
 def state_sizes(model: Model, torque: ArrayLike | None, period: float) -> Array:
     """
-    Return the standard deviations (n,) of the states of a model for a torque; zero for angles.
+    Return the standard deviations (n,) of the states of a model for a torque.
 
     The value for an angle is zero, because angles are measured relative to the start. As in
     `measured`, the stored values of the nominal axis are returned if the torque is None.
@@ -143,9 +143,9 @@ def _force(model: Model, acts: Array) -> float:
     """
     Return the torque of a law that has the same effect as an input of one.
 
-    Effects are compared for a state on which both the law and the input act. If there is no such
-    state, as for friction of a load, the effects on the output are compared at the slowest pole, at
-    which the axis is almost rigid.
+    The effects are compared for a state on which both the law and the input act. If no such state
+    exists, for example for friction of a load, the effects on the output are compared at the
+    slowest pole, where the axis is almost rigid.
 
     Parameters
     ----------
@@ -179,7 +179,7 @@ def _stored(model: Model, law: Law) -> Sizes:
     if not known or law.kind not in NOMINAL:
         raise EstimatorError(
             "the expected size of friction, backlash and cogging is known only for the nominal "
-            "axis; for another axis give torque, recorded during some tens of seconds of motion"
+            "axis; for another axis, give the torque of a run with some tens of seconds of motion"
         )
     return NOMINAL[law.kind]
 
@@ -198,8 +198,8 @@ class Prior:
     lower, upper : (p,) arrays
         Bounds of θ.
     scale : (p,) array
-        Divisors that make θ relative: for a parameter of a law, which may be zero, the standard
-        deviation of an unknown value; for all other parameters θ(0).
+        Divisors that make θ relative. The divisor is the standard deviation of an unknown value for
+        a law parameter, because the parameter may be zero, and θ(0) for all other parameters.
     """
 
     names: tuple[str, ...]
@@ -228,15 +228,15 @@ def with_laws(
     geared: bool = False,
 ) -> Model:
     """
-    Return the axis with the nonlinear laws of a real one; unknown parameters have prior values.
+    Return a model of a real axis with nonlinear laws; unknown parameters have prior values.
 
     Parameters
     ----------
     nominal : mapping of str to float, or Model
-        Nominal values as in `flexaxis.estimators.models.axes.real_axis`, where values of the laws'
-        parameters are optional; or a model with its own laws, which is returned unchanged.
+        Nominal values as in `flexaxis.estimators.models.axes.real_axis`, where law parameters are
+        optional. A model with its own laws is returned unchanged.
     torque : (N,) array_like, optional
-        Torque of a run [N m], from which the sizes are computed; by default the sizes of the
+        Torque of a run [N m], from which the sizes are computed. By default, the sizes of the
         nominal axis are used.
     period : float
         Sampling period [s].
@@ -267,7 +267,7 @@ def with_laws(
 
 
 def told_of(nominal: Mapping[str, float] | Model) -> tuple[str, ...]:
-    """Return the parameters with values specified by the user, all of them if a Model is passed."""
+    """Return the parameters with user-specified values, which are all parameters of a Model."""
     return nominal.parameters if isinstance(nominal, Model) else tuple(nominal)
 
 
@@ -313,8 +313,8 @@ def prior(
     torque, period
         Options as in `with_laws`.
     told : sequence of str
-        Names of laws' parameters with known values. Their standard deviation is `TOLD` times the
-        value, unless the prior for an unknown value has a smaller one.
+        Names of law parameters with known values. Their standard deviation is `TOLD` times the
+        value, unless the prior of an unknown value has a smaller standard deviation.
     spread : float
         Standard deviation of the tracked parameters of the linear model, relative to θ(0).
     """

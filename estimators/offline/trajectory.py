@@ -1,4 +1,4 @@
-"""The output of a model for a record, with derivatives by all unknown quantities."""
+"""The output of a model for a record, with derivatives with respect to all unknown quantities."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -17,7 +17,7 @@ from flexaxis.estimators.offline.coulomb import follow, is_dry, sampled
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-STEPS = 2  # number of steps for each step that a filter would use to solve laws
+STEPS = 2  # number of steps per sample to solve laws, relative to the number in a filter
 STEP = 1e-6  # relative change of an unknown in numerical derivatives
 LEAST = 1e-3  # rad/s or rad, smallest magnitude to which STEP is applied, for initial states
 
@@ -27,20 +27,19 @@ def delayed(u: ArrayLike, samples: float, *, smooth: bool = False) -> Array:
     Return the mean torque (N,) that acts over each sample if the torque is delayed.
 
     A held torque u with a delay of n + δ samples equals u[k−n−1] during the first fraction δ of
-    sample k and u[k−n] during the rest. Its mean is (1−δ) u[k−n] + δ u[k−n−1]; this mean torque
-    accelerates an inertia to exactly the same speed at the end of the sample, and it is an
-    interpolation of u. If u is a sequence of
-    means of a smooth signal, such as a measured current, u is interpolated by a cubic spline
-    instead.
+    sample k and u[k−n] during the rest. Its mean is the linear interpolation
+    (1−δ) u[k−n] + δ u[k−n−1]. This mean torque accelerates an inertia to exactly the same speed at
+    the end of the sample. If u is a sequence of means of a smooth signal, such as a measured
+    current, u is interpolated by a cubic spline instead.
 
     Parameters
     ----------
     u : (N,) array_like
-        Torque. Before the first sample, the torque is zero if held, and equal to the first value if
-        smooth.
+        Torque. Before the first sample, a held torque is zero, and a smooth torque is equal to its
+        first value.
     samples : float
-        Delay in samples, not necessarily an integer. For a negative delay the torque acts early,
-        and the last value is repeated at the end.
+        Delay in samples, not necessarily an integer. If the delay is negative, the torque acts
+        early, and the last value is repeated at the end.
     smooth : bool
         Whether u consists of samples of a smooth signal.
 
@@ -73,15 +72,15 @@ class Trajectory:
     period : float
         Sampling period [s].
     smooth : bool
-        Whether the torque changes smoothly between samples, see `delayed`.
+        Whether the torque changes smoothly between samples; see `delayed`.
     begins : tuple of int
         Samples at which stretches begin. Each stretch has its own initial state, because neither
         the torque in a gap nor the state after the gap is known. The output is 0 up to the start of
         the first stretch. At the start of any other stretch, the output still belongs to the
         previous stretch.
     beside : (m, N) array
-        Additional torques, each multiplied by an unknown gain, such as the sine of a measured
-        angle.
+        Additional torques, such as the sine of a measured angle; each of them is multiplied by an
+        unknown gain.
     """
 
     model: Parametrization
@@ -136,7 +135,7 @@ class Trajectory:
         z : (q,) array
             Values of the unknowns.
         held : (q,) array of bool, optional
-            Whether each unknown is held constant, so that its derivative is 0; none by default.
+            Whether each unknown is held constant, with a derivative of 0; none by default.
         """
         free = np.ones(self.q, bool) if held is None else ~held
         (y, slopes), size, offset = self._simulated(z), self._steps(z), self.q - 2
@@ -171,7 +170,7 @@ class Trajectory:
         return list(pairwise([*self.begins, len(self.u) - 1]))
 
     def _simulated(self, z: Array) -> tuple[Array, Array]:
-        """Return ŷ (N,) and, if laws are solved in steps, derivatives (q, N) by θ and states."""
+        """Return ŷ (N,), and derivatives (q, N) for θ and states if laws are solved in steps."""
         p, theta, free = self.p, z[: self.p], self.free
         torque = delayed(self.u, z[-1] / self.period, smooth=self.smooth) + z[-2]
         torque += z[p : self.first] @ self.beside if len(self.beside) else 0.0

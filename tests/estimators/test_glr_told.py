@@ -32,9 +32,9 @@ def test_what_is_not_seen_and_was_not_told_is_taken_as_absent():
     u, y = signals("fm_step-v1")
     estimator.run(0.1 * u[:400], 0.1 * y[:400])
     because = estimator.fixed_because
-    assert because["kappa"].endswith("stays as it was told")
-    assert because["J_m"].endswith("stays as it was told")
-    assert because["gap"].endswith("taken as absent")
+    assert because["kappa"].endswith("keeps its nominal value")
+    assert because["J_m"].endswith("keeps its nominal value")
+    assert because["gap"].endswith("assumed to be zero")
     value, deviation = estimator.learnt["kappa"]
     assert value == pytest.approx(1e3)
     assert deviation < 0.01 * value  # it walks as all structure does, by 3e-4 of its scale in √s
@@ -43,5 +43,5 @@ def test_what_is_not_seen_and_was_not_told_is_taken_as_absent():
 
 def test_a_told_zero_is_refused_by_its_name():
     _, nominal, torque = drawn("fm_step-v1")
-    with pytest.raises(EstimatorError, match=r"^f_m is told to be 0, .* leave it out"):
+    with pytest.raises(EstimatorError, match=r"^the nominal value of f_m is 0, .* leave it out"):
         glr(nominal | {"f_m": 0.0}, T, torque=torque)

@@ -65,5 +65,5 @@ NO_TORQUE = [
 @pytest.mark.parametrize("given", NO_TORQUE, ids=lambda given: str(given)[:12])
 @pytest.mark.parametrize("name", ["rpem-forgetting", "glr"])
 def test_what_is_no_torque_of_a_run_is_refused_in_a_line(name, given):
-    with pytest.raises(EstimatorError, match=r"^torque is .*: give that of a run, "):
+    with pytest.raises(EstimatorError, match=r"^torque is .*; give the torque of a run in N m"):
         REGISTRY[name].factory(AXES["n1"], 0.005, torque=given)

@@ -102,7 +102,7 @@ def test_recipe_gives_the_published_data(nominal, loop):
     np.testing.assert_allclose(given, known_P(("k_T", "1/J_a", "f_m"), forgetting=0.995), rtol=0.03)
     given = nominal_P(model, loop.u[:8000], drift=[5e-8, 50e-8, 500e-8], period=0.005)
     np.testing.assert_allclose(given, known_P(("k_T", "1/J_a", "f_m"), forgetting=None), rtol=0.03)
-    with pytest.raises(EstimatorError, match=r"torque is \[\]: give that of a run"):
+    with pytest.raises(EstimatorError, match=r"torque is \[\]; give the torque of a run"):
         nominal_P(model, [], period=0.005)
 
 
