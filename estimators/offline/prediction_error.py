@@ -28,6 +28,7 @@ ROUNDS, EVALUATIONS = 40, 25  # limits; one round may reduce an error by only on
 CONVERGED = 0.05  # distance to the minimum at which a fit ends, in standard deviations
 TURNS = 1.0  # the same distance for the last round, because noise models may alternate
 ROUGH = 5.0  # the same distance if a kink of friction prevents any reduction of the misfit
+SAME = 1e-5  # relative change of the parameters in a round of the noise model that does not matter
 CAREFUL, BOLD, STIFFEST = 1e-3, 1e-8, 1e3  # damping of the first step, and its limits
 FORGOTTEN = 1e-2  # fraction of the effect of an initial state below which it counts as forgotten
 EXACT = 1e-10  # relative step size below which rounding prevents further progress
@@ -225,7 +226,9 @@ class Problem:
             before = replace(at, inverse=self.noise(at.residual))
             at, ended = self.descend(before, most, near / 2, BOLD)
             # in the last round a larger change is accepted, because noise models may alternate
-            ended = ended and at.gained(before) <= (near if left else TURNS)
+            p = self.trajectory.p
+            same = np.allclose(at.z[:p], before.z[:p], rtol=SAME, atol=0)
+            ended = ended and (same or at.gained(before) <= (near if left else TURNS))
             if ended:
                 break
         return replace(at, converged=ended)
@@ -236,7 +239,7 @@ def settled(ok: Flags, length: int) -> Flags:
     return np.convolve(~ok, np.ones(length))[: len(ok)] < 0.5
 
 
-def noise_model(residual: Array, highest: int, ok: Flags | None = None) -> Array:
+def noise_model(residual: Array, highest: int, ok: Flags) -> Array:
     """
     Return the coefficients 1, a₁, …, a_n (n+1,) of an autoregression of the best order.
 
@@ -244,9 +247,8 @@ def noise_model(residual: Array, highest: int, ok: Flags | None = None) -> Array
     are not ``ok`` are replaced by zero and contribute nothing to the correlations, so samples on
     either side of a gap are not treated as neighbours.
     """
-    used = np.ones(len(residual), bool) if ok is None else ok
-    N = int(used.sum())
-    e = np.where(used, residual - residual[used].mean(), 0.0)
+    N = int(ok.sum())
+    e = np.where(ok, residual - residual[ok].mean(), 0.0)
     highest = min(highest, N // 20)
     r = np.array([e[: len(e) - k] @ e[k:] for k in range(highest + 1)]) / N
     models = [np.ones(1)]

@@ -71,7 +71,6 @@ def test_samples_on_either_side_of_a_gap_are_no_neighbours():
     result = noise_model(np.where(ok, e, 1e3), 1, ok)
     # of 20 neighbours 19 are pairs, and a missing pair counts as none: −.95 · 19/20
     assert result[1] == pytest.approx(-0.95 * 19 / 20, abs=0.01)
-    np.testing.assert_array_equal(noise_model(e, 5), noise_model(e, 5, np.ones(len(e), bool)))
 
 
 def test_beside_white_noise_the_jackknife_says_what_a_covariance_says():

@@ -111,10 +111,11 @@ def test_delayed_is_exact_for_an_inertia():
 def test_noise_model_finds_the_autoregression():
     a = [1.0, -1.5, 0.8]
     e = lfilter([1.0], a, np.random.default_rng(0).standard_normal(20_000))
-    found = noise_model(e, 30)
+    every = np.ones(len(e), bool)
+    found = noise_model(e, 30, every)
     assert len(found) == 3
     np.testing.assert_allclose(found, a, atol=0.02)  # standard deviation √((1−a₂²)/N) = .004
-    assert len(noise_model(np.random.default_rng(1).standard_normal(20_000), 30)) == 1
+    assert len(noise_model(np.random.default_rng(1).standard_normal(20_000), 30, every)) == 1
 
 
 def test_resampling_keeps_the_mean_torque_and_the_motion(columns, tmp_path, capsys):
