@@ -33,8 +33,8 @@ RUNS = {
     "drives": ("drives", ("glr", "glr[gear=true]", "ekf", "rpem-forgetting")),
 }  # fmt: skip
 """The scenarios and the estimators of each table."""
-KEPT = ["table", "scenario", "estimator", "parameter", "changed", "runs", "lag", "lag_bound", "lag_bound_learnt",
-        "t10", "bias", "std", "cross_talk", "diverged"]  # fmt: skip
+KEPT = ["table", "scenario", "estimator", "parameter", "changed", "runs", "lag", "lag_bound",
+        "lag_bound_learnt", "t10", "bias", "std", "cross_talk", "diverged"]  # fmt: skip
 
 
 def pooled(name: str, seeds: str, jobs: int) -> pd.DataFrame:
@@ -63,7 +63,8 @@ def table(rows: pd.DataFrame) -> str:
 def cell(row: dict) -> str:
     """Return the text of a table cell: lag / bounds, bias, std, detections and lost runs."""
     bounds = [row[name] for name in ("lag_bound", "lag_bound_learnt") if row[name] > 0]
-    times = f" ({'/'.join(f'{row["lag"] / bound:.2g}' for bound in bounds)} ×)" if bounds else ""
+    ratios = "/".join(f"{row['lag'] / bound:.2g}" for bound in bounds)
+    times = f" ({ratios} ×)" if bounds else ""
     parts = [f"{row['lag']:.2g} s{times}", f"{row['bias']:+.2g} ± {row['std']:.2g} %"]
     if isinstance(heard := row["detection"], dict):
         parts.append(f"found {1 - heard['missed']:.0%}, named {heard['isolated'] or 0:.0%}")
