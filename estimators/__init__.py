@@ -1,10 +1,10 @@
-"""Estimators of physical parameters from torque and motor angle or speed.
+"""Estimators of physical parameters from the torque and the motor's angle or speed.
 
 No module of this subpackage imports the rest of the package or uses the true parameters, so the
-estimators also run on logs of a real axis. The inputs are u[k], y[k] and prior knowledge
-(`problem`); the outputs are θ[k] and detected changes (`protocol`). `models` describes axes,
-`filters` and `glr` process samples one by one, and `offline` processes whole records. `methods`
-contains the estimators, and `registry` lists them by name.
+estimators also run on logs of a real axis. An estimator uses u[k], y[k] and prior knowledge
+(`problem`), and returns θ[k] and detected changes (`protocol`). `models` describes axes, `filters`
+and `glr` process samples one by one, and `offline` processes whole records. `methods` contains the
+estimators, and `registry` lists them by name.
 """
 
 import sys
@@ -36,7 +36,7 @@ __all__ = [
 RECOMMENDED = "glr"
 """The registered estimator that the suite recommends for a real axis."""
 
-# importing numba and scipy takes almost a second, so modules that need them are imported on use
+# Importing numba and scipy takes almost a second, so these names are imported on first use
 _LATER = {
     "Frozen": "methods.controls",
     "Rpem": "methods.rpem",
@@ -50,10 +50,10 @@ def __getattr__(name: str) -> object:
 
 
 class _Listing(ModuleType):
-    """Type of this module, which makes the module callable: a call lists the estimators."""
+    """The type of this module: calling the module lists the estimators."""
 
     def __call__(self, *, find: str = "") -> list[dict[str, str]]:
-        """Return name and card of the estimators; ``find`` selects those that contain a text."""
+        """Return the name and card (summary) of each estimator that contains the text ``find``."""
         from flexaxis.estimators.registry import REGISTRY
 
         lines = [{"name": entry.name, "card": entry.summary} for entry in REGISTRY.values()]

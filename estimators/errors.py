@@ -5,12 +5,12 @@ from difflib import get_close_matches
 
 
 class EstimatorError(ValueError):
-    """Incorrect use of an estimator or a model; the message states what is allowed."""
+    """Error for incorrect use of an estimator or a model; the message states what is allowed."""
 
 
 def did_you_mean(word: str, allowed: Iterable[str]) -> str:
     """
-    Suggest the nearest allowed word, and list all of them.
+    Return the end of an error message that suggests the nearest allowed word and lists all.
 
     Parameters
     ----------
@@ -22,7 +22,7 @@ def did_you_mean(word: str, allowed: Iterable[str]) -> str:
     Returns
     -------
     str
-        End of a sentence, such as ``"did you mean 'f_m'? Allowed: f_m, k_T"``.
+        End of the message, such as ``"did you mean 'f_m'? Allowed: f_m, k_T"``.
     """
     allowed = list(allowed)
     near = get_close_matches(word, allowed, n=1, cutoff=0.5)

@@ -1,4 +1,4 @@
-"""The knob of an estimator, the option that trades speed against noise, and its tuned settings."""
+"""The knob of an estimator (the option that trades speed against noise) and its tuned settings."""
 
 import math
 import re
@@ -11,7 +11,7 @@ from typing import Any
 
 from flexaxis.estimators.errors import EstimatorError, did_you_mean
 
-FARTHEST = 1024.0  # largest ratio between a position and the usual position, in both directions
+FARTHEST = 1024.0  # largest factor by which a position may differ from the usual position
 FORGETS = 0.9  # an option with a default between this value and 1 is a forgetting factor
 
 TRANSFORMS: Mapping[str, Callable[[float], float]] = {
@@ -19,13 +19,13 @@ TRANSFORMS: Mapping[str, Callable[[float], float]] = {
     "1-": lambda x: 1 - x,
     "1/": lambda x: 1 / x if x else math.inf,
 }
-"""Functions that convert the value of an option to the position of the knob, and back."""
+"""Functions that convert an option's value to a knob position; each is its own inverse."""
 
 
 @dataclass(frozen=True)
 class Knob:
     """
-    An option that is set by a position: a higher position makes estimates faster and noisier.
+    An option expressed as a position: a higher position makes estimates faster and noisier.
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ class Knob:
     most: float
 
     def at(self, position: float) -> dict[str, float] | None:
-        """Return the option at a position, or None if the position is out of range."""
+        """Return the option's name and value at a position, or None if it is out of range."""
         if not self.least <= position <= self.most:
             return None
         return {self.name: self.value(position)}
@@ -56,7 +56,7 @@ class Knob:
         return TRANSFORMS[self.transform](position)
 
     position = value
-    """Return the position of a value; the conversion is the same, as transforms are involutions."""
+    """Return the position of a value: each transform is its own inverse, so `value` does both."""
 
 
 def make_knob(declared: Any, defaults: Mapping[str, Any]) -> Knob:
@@ -90,7 +90,7 @@ def make_knob(declared: Any, defaults: Mapping[str, Any]) -> Knob:
     value = defaults.get(name)
     if isinstance(value, bool) or not isinstance(value, int | float) or not value > 0:
         raise EstimatorError(
-            f"its `knob` {name!r} is no option with a number above 0 as default: "
+            f"its `knob` {name!r} is not an option whose default is a number above 0: "
             + did_you_mean(name, [n for n, v in defaults.items() if isinstance(v, int | float)])
         )
     if not transform and FORGETS <= value < 1:
@@ -109,13 +109,14 @@ def tunings() -> Mapping[str, Mapping[str, Any]]:
     """
     Return the tuned settings in ``tuned.toml``, by the name of the estimator.
 
-    A setting has the keys ``estimator``, ``knob`` (name of the option), ``value``, ``setting`` (the
-    format of ``--estimator``), ``match`` (noise that was matched: "excess" for the excess
-    prediction error, or the parameter of which the standard deviation was matched), ``ratio`` (this
-    noise over that of `rpem-forgetting` with λ = 0.995; for the excess error its square root),
-    ``command`` (that determined the setting), ``model`` (``"n1"``, the nominal axis), ``identify``
-    (identified parameters), ``period`` [s] and ``noise`` (standard deviation of the noise of y in
-    the tuning [rad/s]; a setting is used at any noise level).
+    A setting has the keys ``estimator``, ``knob`` (name of the option), ``value``, ``setting`` (in
+    the format of ``--estimator``), ``match`` (the matched noise: "excess" for the excess prediction
+    error, or the name of the parameter whose standard deviation was matched), ``ratio`` (the
+    matched noise divided by that of `rpem-forgetting` with λ = 0.995; for the excess error, the
+    square root of this quotient), ``command`` (the command that determined the setting), ``model``
+    (``"n1"``, the nominal axis), ``identify`` (identified parameters), ``period`` [s] and ``noise``
+    (standard deviation of the noise of y during tuning [rad/s]). A setting is used at any noise
+    level.
     """
     text = files("flexaxis.estimators").joinpath("tuned.toml").read_text(encoding="utf-8")
     return {table["estimator"]: table for table in tomllib.loads(text)["tuned"]}

@@ -23,11 +23,11 @@ from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.offline.structure import matrices
 from flexaxis.estimators.signals import find_signal
 
-SHORT = 0.1  # shortest memory relative to the slowest time constant: with a memory of 1 s estimates
-# diverge on an axis that coasts for 13.5 s, but not on one that coasts for 4 s
-TORQUE_NOISE = 0.3  # initial standard deviation of unmodelled torque over the rms torque, if y is
-# an angle. Without it, the first exact readings make k_T wrong by 30 %; with 0.1 to 0.3, k_T is
-# right within 0.1 % (erob80, seeds 0-3)
+SHORT = 0.1  # shortest memory relative to the slowest time constant of the axis. With a memory of
+# 1 s, estimates diverge on an axis that coasts for 13.5 s, but not on one that coasts for 4 s
+TORQUE_NOISE = 0.3  # initial standard deviation of unmodelled torque relative to the rms torque,
+# used if y is an angle. Without this noise, the first exact readings make k_T wrong by 30 %; with
+# 0.1 to 0.3, the error of k_T is at most 0.1 % (erob80, seeds 0-3)
 PERIODS_AGREE = 1e-6  # largest relative difference of equal periods
 Array = NDArray[np.float64]
 Nominal = Mapping[str, float] | Model
@@ -41,7 +41,7 @@ class Problem:
     Parameters
     ----------
     nominal : mapping of str to float, or Model
-        Nominal values of the paper's axis and values from its data sheet; or a model.
+        Nominal values of the paper's axis, including data-sheet values, or a model.
     period : float
         Sampling period [s].
     identify : sequence of str
@@ -56,7 +56,7 @@ class Problem:
     noise : float, optional
         Standard deviation of the noise of y, in the unit of y.
     bounds : (lower, upper), optional
-        Bounds of θ; the default of the filter if omitted.
+        Bounds of θ; the filter's default bounds if omitted.
 
     Attributes
     ----------
@@ -66,8 +66,8 @@ class Problem:
     Raises
     ------
     EstimatorError
-        If period, output or noise cannot be used. Names and P(0) are checked with the model of the
-        estimator, which may add laws.
+        If the period, output or noise is invalid. Names and P(0) are checked later, because an
+        estimator may add laws to the model.
     """
 
     nominal: Nominal
@@ -102,7 +102,7 @@ class Problem:
         return self.model.parametrize(self.identify).theta
 
     def tuned(self, name: str) -> float | None:
-        """Return the tuned value of an estimator's knob for this axis, or None without tuning."""
+        """Return the tuned value of an estimator's knob for this axis, or None if there is none."""
         tuned = tunings().get(name)
         if (
             tuned
@@ -114,16 +114,16 @@ class Problem:
         return None
 
     def factor(self, name: str, forgetting: float | None) -> float:
-        """Return λ: specified, tuned, or for 1 s; warn if the memory is too short for the axis."""
+        """Return λ (specified, tuned or default); warn if its memory is short for the axis."""
         usual = self.tuned(name) if forgetting is None else forgetting
         weight = forgetting_factor(usual, self.period)
         rates = np.abs(moving_poles(self.model).real)
         memory, slowest = self.period / max(1 - weight, 1e-300), 1 / rates.min(initial=np.inf)
         if memory < SHORT * slowest:
             warnings.warn(
-                f"{name} remembers {memory:.3g} s (forgetting {weight:g}), and the slowest pole of "
-                f"the axis has a time constant of {slowest:.3g} s: estimates may run away; give "
-                f"forgetting={1 - self.period / slowest:.6g} or more, or use glr",
+                f"{name} has a memory of {memory:.3g} s (forgetting {weight:g}), but the slowest "
+                f"pole of the axis has a time constant of {slowest:.3g} s. The estimates may "
+                f"diverge; set forgetting={1 - self.period / slowest:.6g} or more, or use glr",
                 stacklevel=2,
             )
         return weight
@@ -132,15 +132,15 @@ class Problem:
         """
         Return P(0).
 
-        P(0) is the attribute ``P0`` if set. Otherwise it is computed by the paper's recipe from the
-        torque of a nominal run or, without a torque, it is the stored result for the nominal axis.
+        P(0) is the attribute ``P0`` if it is set. Otherwise the paper's recipe computes P(0) from
+        the torque of a nominal run. Without a torque, the stored P(0) of the nominal axis is used.
 
         Parameters
         ----------
         scale : float
             Factor by which Δ of eq. (32) is multiplied.
         **time_update
-            Option ``forgetting`` or ``drift`` of the recipe.
+            The recipe's option ``forgetting`` or ``drift``.
         """
         from flexaxis.estimators.offline import priors
 
@@ -166,21 +166,21 @@ class Problem:
             return known
         raise EstimatorError(
             f"P(0) is known only for {', '.join(PAPER)} of the nominal axis at 5 ms; for another "
-            "axis, other parameters or another period give P0, or the torque of a nominal run for "
-            "the recipe"
+            "axis, other parameters or another period, specify P0 or the torque of a nominal run, "
+            "from which P(0) is computed"
         )
 
     def forgetting_options(self, name: str, forgetting: float | None) -> dict[str, Any]:
-        """Return the options of a method with a forgetting factor: `asked`, λ and P(0)."""
+        """Return the options of `asked`, together with λ and P(0), for a method with forgetting."""
         weight = self.factor(name, forgetting)
         return self.asked | {"forgetting": weight, "P0": self.initial_P(forgetting=weight)}
 
     def torque_noise(self, model: Model) -> dict[str, float]:
         """
-        Return the start of the torque noise for `joint_arrays`, or nothing if y is not an angle.
+        Return the initial torque noise for `joint_arrays`; empty if y is not an angle.
 
-        The result contains the state that the torque drives, and the variance that it gains per
-        sample.
+        The result contains the index of the state that the torque drives, and the variance that the
+        noise adds to this state per sample.
         """
         if self.output != "angle":
             return {}
@@ -194,12 +194,12 @@ class Problem:
         """
         Return the design of a Kalman filter with a random walk of θ, relative to θ(0).
 
-        ``usual`` is the standard deviation of the walk after one second that is used if ``walk`` is
-        None and no tuned value exists.
+        ``walk`` is the standard deviation of the random walk after one second. If it is None, the
+        tuned value is used, or ``usual`` if no tuned value exists.
         """
         if walk is None:
             walk = self.tuned(name) or usual
         above_zero("walk", walk, "the standard deviation of θ after a second, relative to θ(0)")
-        above_zero("spread", spread, "the standard deviation of θ(0), relative to it")
+        above_zero("spread", spread, "the standard deviation of θ(0), relative to θ(0)")
         prior, drift = (spread * self.theta) ** 2, self.period * (walk * self.theta) ** 2
         return make_design(self.model, **self.asked, P0=prior, drift=drift, corrects=True)

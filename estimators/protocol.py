@@ -16,7 +16,7 @@ from flexaxis.estimators.signals import check_signals
 
 
 class StepError(EstimatorError):
-    """Error of an estimator that does not return one number for each name."""
+    """Error for an estimator that does not return one number for each name."""
 
 
 @runtime_checkable
@@ -24,11 +24,11 @@ class Estimator(Protocol):
     """
     Any object with the attributes ``names`` and ``output`` and the method ``step``.
 
-    Optional methods and attributes: ``run(u, y, valid=None) -> (N, p)``, which returns the same
-    numbers as N steps but faster; ``covariance`` (p, p); ``innovations`` (N, 2), the innovation
-    y − ŷ and its claimed variance for each sample of the last ``run``, NaN where y was missing;
-    ``alarm`` (bool); ``findings``, a sequence of objects with ``alarm`` (sample) and ``parameters``
-    (names of the changed parameters); ``reset()``.
+    Optional methods and attributes: ``run(u, y, valid=None) -> (N, p)``, a faster equivalent of N
+    steps; ``covariance`` (p, p); ``innovations`` (N, 2), the innovation y − ŷ and its claimed
+    variance for each sample of the last ``run`` (NaN where y was missing); ``alarm`` (bool);
+    ``findings``, a sequence of objects with ``alarm`` (sample) and ``parameters`` (names of the
+    changed parameters); ``reset()``.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class Estimator(Protocol):
     def output(self) -> str: ...  # noqa: D102
 
     def step(self, u: float, y: float | None) -> ArrayLike:
-        """Process u[k] and y[k] (None in a gap), return θ[k] (p,); u[k] first acts on y[k+1]."""
+        """Process u[k] and y[k] (None in a gap) and return θ[k] (p,); u[k] first affects y[k+1]."""
 
 
 @dataclass(frozen=True)
@@ -81,16 +81,16 @@ def run_estimator(
     estimator: Estimator, u: ArrayLike, y: ArrayLike, valid: ArrayLike | None = None
 ) -> NDArray[np.float64]:
     """
-    Run an estimator over N samples, using its own ``run`` if available, otherwise step by step.
+    Run an estimator over N samples with its own ``run`` if available, otherwise step by step.
 
     Parameters
     ----------
     estimator : Estimator
-        Estimator to run; it is left in the state after the last sample.
+        Estimator to run. Afterwards it is in the state after the last sample.
     u, y : (N,) array_like
         Torque and measured output.
     valid : (N,) array_like of bool, optional
-        Validity of each y, False where y is missing; all valid by default.
+        False where y is missing; True everywhere by default.
 
     Returns
     -------
@@ -100,12 +100,12 @@ def run_estimator(
     Raises
     ------
     EstimatorError
-        If the signals cannot be used, or the estimator does not return numbers.
+        If the signals are invalid, or the estimator does not return numbers.
     """
     u, y, present = check_signals(u, y, valid)
     run = getattr(estimator, "run", None)
     if run is not None:
-        missing = () if present.all() else (present,)  # a user's run may not support gaps
+        missing = () if present.all() else (present,)  # a user's `run` may not support gaps
         return numbers_of(run(u, y, *missing), run)
     names = tuple(estimator.names)
     estimates, k = np.empty((len(u), len(names))), 0
@@ -114,7 +114,7 @@ def run_estimator(
             theta = estimator.step(float(u[k]), float(y[k]) if present[k] else None)
             estimates[k] = theta_of(theta, names, estimator)
     except BaseException as error:
-        error.at_sample = k  # type: ignore[attr-defined]  # used in the runner's message
+        error.at_sample = k  # type: ignore[attr-defined]  # for the error message
         raise
     return estimates
 
@@ -123,7 +123,7 @@ def theta_of(
     returned: ArrayLike, names: Sequence[str], estimator: Estimator
 ) -> NDArray[np.float64]:
     """
-    Convert the result of a step to floats, one for each name.
+    Convert the result of an estimator's step to floats, one for each name.
 
     Parameters
     ----------
@@ -141,7 +141,7 @@ def theta_of(
     Raises
     ------
     StepError
-        If the result is not numeric, or has a wrong number of values.
+        If the result is not numeric, or has the wrong number of values.
     """
     theta = numbers_of(returned, estimator.step)
     if returned is not None and theta.size == len(names):

@@ -1,4 +1,4 @@
-"""The registered estimators by name, collected from the `ENTRIES` of the modules of methods/."""
+"""The registered estimators by name, collected from `ENTRIES` in the modules of methods/."""
 
 import inspect
 import pkgutil
@@ -29,7 +29,7 @@ class Entry:
     name : str
         Name of the estimator.
     summary : str
-        Description in one line, for lists and reports.
+        One-line description for lists and reports.
     make : callable
         Function ``make(problem, *, <own options>)`` that constructs the estimator from a
         `flexaxis.estimators.problem.Problem`.
@@ -37,9 +37,9 @@ class Entry:
         Declaration of the tuning parameter, as in `flexaxis.estimators.knob.make_knob`.
     default : float or None
         Default of the tuning parameter on an axis without tuned values. A forgetting factor is
-        specified for a period of 5 ms and represents a time constant.
+        given for a period of 5 ms; other periods use the same time constant.
     rank : float
-        Position in lists and in the order of colours.
+        Sort key for lists and plot colours.
     laws : bool
         Whether the estimator can identify parameters of friction and other laws. Other estimators
         identify only parameters of the linear model.
@@ -63,9 +63,9 @@ class Entry:
 
         Its signature is ``factory(nominal, period, *, identify, output, P0, torque, noise, bounds,
         <options>)``. ``nominal`` maps the physical parameters of the paper's axis to values, or is
-        another model with its own values; θ(0) consists of these values. ``P0`` is the initial
-        matrix P(0); methods without P(0) ignore it. By default P(0) is computed by the paper's
-        recipe from ``torque``, the (N,) torque of a nominal run.
+        another model that contains its own values. These values determine θ(0). ``P0`` is the
+        initial matrix P(0); methods without P(0) ignore it. By default, the paper's recipe computes
+        P(0) from ``torque``, the (N,) torque of a nominal run.
         """
         own = [*inspect.signature(self.make).parameters.values()][1:]
         every = inspect.signature(Problem).parameters
@@ -97,18 +97,18 @@ class Entry:
 
     @property
     def turning(self) -> Knob | None:
-        """Knob of the estimator at the tuned setting, or None for an estimator without a knob."""
+        """The estimator's knob, centred on the tuned setting; None if the estimator has no knob."""
         return make_knob(self.knob, self.options) if self.knob else None
 
 
 class _Unknown(EstimatorError, KeyError):
-    """Error for an unknown name: a KeyError, as mappings raise, with a message for users."""
+    """Error for an unknown name: a KeyError, as usual for mappings, with a readable message."""
 
     __str__ = Exception.__str__  # KeyError.__str__ would show the repr of the message
 
 
 class _Registry(Mapping[str, Entry]):
-    """Entries by name, in the order of rank; the modules are imported on first use."""
+    """Entries by name, sorted by rank; their modules are imported on first use."""
 
     def __getitem__(self, name: str) -> Entry:
         if name not in _entries():

@@ -47,9 +47,9 @@ def counted_angle(model: Model) -> Model:
     """
     Return the model whose output is the motor angle relative to its start [rad].
 
-    The output is an additional state, ``angle_read``, the integral of the speed. The filter has to
-    correct its state, because an integrator does not forget errors. The rounding error of an
-    encoder is nearly white on the angle, but not on the increments.
+    The output is an additional state, ``angle_read``, the integral of the speed. A filter that uses
+    this model has to correct its state, because an integrator does not forget errors. The rounding
+    error of an encoder is nearly white on the angle, but not on the increments.
 
     Parameters
     ----------
@@ -72,9 +72,9 @@ class Signal:
     unit : str
         Unit of the signal.
     predicted : callable
-        Function ``predicted(model, period)`` that converts a model with the speed as output to the
-        model that predicts y. A predictor does not correct its state, so for an angle this model
-        predicts increments.
+        Function ``predicted(model, period)`` that converts a model with speed output to the model
+        that predicts y. For an angle, this model predicts increments, because a predictor does not
+        correct its state.
     mean_speed : callable
         Function ``mean_speed(period)`` that returns the weights of y[k] and y[k−1] in the mean
         speed between the two samples.
@@ -113,7 +113,7 @@ SIGNALS = {
 
 
 def find_signal(output: str) -> Signal:
-    """Return the signal with a name; raise EstimatorError if the name is unknown."""
+    """Return the signal with this name; raise EstimatorError if the name is unknown."""
     if output not in SIGNALS:
         raise EstimatorError(f"unknown output {output!r}: {did_you_mean(str(output), SIGNALS)}")
     return SIGNALS[output]
@@ -130,7 +130,7 @@ def increments(
     angles : (N,) array
         Angles φ [rad].
     valid : (N,) bool array
-        Validity of each angle. A missing angle makes two increments invalid.
+        Whether each angle is valid. A missing angle makes two increments invalid.
     before : float
         Angle at the sample before the first one [rad], or NaN.
     period : float
@@ -152,14 +152,14 @@ def check_signals(
     u, y : (N,) array_like
         Torque and measured output.
     valid : (N,) array_like of bool, optional
-        Validity of each y, False where y is missing; all valid by default.
+        False where y is missing; True everywhere by default.
 
     Returns
     -------
     u, y : (N,) arrays
         Torque and measured output.
     valid : (N,) bool array
-        Validity of each y.
+        Whether each y is valid.
 
     Raises
     ------
@@ -170,7 +170,7 @@ def check_signals(
     present = np.ones(y.shape, bool) if valid is None else np.require(valid, bool, ["C", "W"])
     for name, values in (("u", u), ("y", y), ("valid", present)):
         if values.ndim != 1:
-            raise EstimatorError(f"{name} has the shape {values.shape}; give one value a sample")
+            raise EstimatorError(f"{name} has the shape {values.shape}; give one value per sample")
         if len(values) != len(u):
             raise EstimatorError(
                 f"u has {len(u)} samples and {name} has {len(values)}; the numbers must be equal"

@@ -1,4 +1,4 @@
-"""Components of the recursive filters: options, updates of P, noise, claimed covariance.
+"""Components of the recursive filters: options, updates of P, noise variance, claimed covariance.
 
 `filter` defines the interface of all filters: step, run, reset. `state` contains the variables that
 all filters have in common. `prediction_error` and `forgetting` implement the paper's method;

@@ -4,17 +4,17 @@ Estimates that are drawn towards nominal values unless the data contradict these
 Each parameter that a filter learns increases the variance of the other estimates, even if the
 nominal value of the parameter is correct. Let μ and Σ be the mean and the covariance of all
 parameters, s₀ the nominal values of a group s, and χ² = (μ_s − s₀)ᵀ Σ_ss⁻¹ (μ_s − s₀). The
-conditional estimate for s = s₀ is μ + Σ_·s Σ_ss⁻¹ (s₀ − μ_s). The result is a weighted mean of the
-two estimates, in which the conditional estimate has the weight
+conditional estimate for s = s₀ is μ + Σ_·s Σ_ss⁻¹ (s₀ − μ_s). The result is a weighted mean of μ
+and the conditional estimate, which has the weight
 
     w = 1/(1 + exp(½(χ² − c))),
 
 where c is the 95 % quantile of the χ² distribution for the number of parameters in the group. Apart
-from c these are Akaike's weights (K. P. Burnham and D. R. Anderson, *Model selection and multimodel
-inference*, 2002, §2.9). A wrong nominal value shifts an estimate by at most about √c standard
-deviations; Bayes factors would retain a wrong value far longer. The groups are applied one after
-the other. The filter itself is not changed. As in any mixture, each group adds w(1 − w) d dᵀ to the
-covariance, where d is the difference of the two estimates.
+from c, these are Akaike's weights (K. P. Burnham and D. R. Anderson, *Model selection and
+multimodel inference*, 2002, §2.9). A wrong nominal value shifts an estimate by at most about √c
+standard deviations; Bayes factors would retain a wrong value far longer. The groups are processed
+one after the other. The filter itself remains unchanged. As in any mixture, each group adds
+w(1 − w) d dᵀ to the covariance, where d is the difference between the two estimates.
 """
 
 from collections.abc import Sequence
@@ -28,29 +28,29 @@ from flexaxis.estimators.models.compiler import inlined
 from flexaxis.estimators.models.memory import Indices, Matrix, Vector
 
 LEVEL = 0.95  # quantile of χ² at which nominal values and data have equal weights
-SETTLED = 1e-9  # relative variance below which a conditional variance counts as zero
+SETTLED = 1e-9  # a conditional variance counts as zero if it is below this fraction of the variance
 
 
 class Told(NamedTuple):
     """
-    Nominal values of groups of parameters, and the estimates drawn towards them.
+    Nominal values of groups of parameters, and the estimates that are drawn towards these values.
 
     Attributes
     ----------
     union : (u,) array
-        Indices of the θ that are tracked or belong to a group.
+        Indices in θ of the parameters that are tracked or belong to a group.
     members, values : (groups, most) arrays
         Positions in ``union`` of the members of each group, padded with −1, and their nominal
         values.
     limit : (groups,) array
         Quantile c of each group.
     drawn : (u,) array
-        Resulting estimates.
+        Estimates drawn towards the nominal values.
     mean, column : (u,) arrays
         Conditional estimate, overwritten for each group, and a column of P, overwritten for each
         parameter.
     drawn_P, drawn_between : (u, u) arrays
-        Two summands of the covariance of ``drawn``: within and between the estimates of a mixture.
+        Covariance within and between the two estimates; their sum is the covariance of ``drawn``.
     P : (u, u) array
         Covariance of the conditional estimate; overwritten for each group.
     """
@@ -71,7 +71,7 @@ def told_arrays(
     tracked: int, groups: Sequence[tuple[Sequence[int], Sequence[float]]]
 ) -> dict[str, NDArray]:
     """
-    Return the arrays of `Told`, by name.
+    Return the arrays that form a `Told`, keyed by name.
 
     Parameters
     ----------
@@ -103,8 +103,8 @@ def draw_estimates(told, P, theta, estimates):
     """
     Write estimates (q,) that are drawn towards nominal values unless the data contradict these.
 
-    θ (p,) and P are the estimates and the covariance without the nominal values. The covariance of
-    the result is ``drawn_P + drawn_between``.
+    θ (p,) and P are the filter's estimates and covariance, which do not use the nominal values. The
+    covariance of the result is ``drawn_P + drawn_between``.
     """
     union, drawn, drawn_P = told.union, told.drawn, told.drawn_P
     for a in range(len(union)):

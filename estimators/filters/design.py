@@ -13,9 +13,10 @@ from flexaxis.estimators.signals import counted_angle, find_signal
 
 Array = NDArray[np.float64]
 
-TIME_CONSTANT = 1.0  # s, default time constant of forgetting; λ = 0.995 at 5 ms, as in the paper
+TIME_CONSTANT = 1.0  # s, default time constant of forgetting: λ = 0.995 at a period of 5 ms, as in
+# the paper
 ANCHOR = 10.0  # rad, standard deviation of the angle before its first reading: much larger than the
-# resolution of an encoder, but small enough for accurate arithmetic
+# resolution of an encoder, but small enough to avoid rounding errors
 DEFAULT_BOX = (0.1, 10.0)  # default bounds, as multiples of θ(0)
 
 
@@ -24,7 +25,7 @@ class Design:
     """
     The checked options of a filter, in relative parameters η = θ/θ(0); created by `make_design`.
 
-    The initial value of η is one, independent of the units and signs of θ.
+    The initial value of η is one, regardless of the units and signs of θ.
 
     Attributes
     ----------
@@ -39,20 +40,20 @@ class Design:
     theta0 : (p,) array
         Initial estimate η(0).
     P0 : (p, p) array
-        Initial matrix P(0) for η, for a noise variance of one.
+        Initial matrix P(0) of η for a noise variance of one.
     forgetting : float
-        Forgetting factor λ of eq. (9); one with covariance modification.
+        Forgetting factor λ of eq. (9); one if Δ of eq. (10) is used.
     drift : (p, p) array
-        Covariance Δ of eq. (10), for η; zero with forgetting.
+        Covariance Δ of eq. (10), for η; zero if λ of eq. (9) is used.
     regularization : (p,) array
         Diagonal of the matrix μ I of eq. (11), (12), for η.
     lower, upper : (p,) arrays
-        Bounds of the box on which η is projected.
+        Bounds of the box to which η is restricted.
     noise : float
         Standard deviation of the noise of y, in the unit of y; 0 if the noise has to be estimated.
     x0_covariance : (n, n) array
-        Covariance of the n states at the first sample, without the torques of laws. The expected
-        value of the states is zero.
+        Covariance of the n states at the first sample, without the torques of laws. The mean of the
+        states is zero.
     differences : bool
         Whether the filter converts angles to increments.
     """
@@ -100,7 +101,7 @@ def make_design(
     x0_variance : (n,) array_like, optional
         Variances of the states of ``model`` at the first sample; zero by default.
     scale : (p,) array_like, optional
-        Divisor of θ in η, used instead of θ(0) for parameters of laws that start at zero.
+        Scale in η = θ/scale, needed if the initial value of a parameter is zero; θ(0) by default.
     corrects : bool
         Whether the filter corrects its state. A filter with correction reads angles directly; any
         other filter reads the increments of the angle.
@@ -108,7 +109,7 @@ def make_design(
     Raises
     ------
     EstimatorError
-        If an option cannot be used; the message says what is allowed.
+        If an option is invalid; the message states what is allowed.
     """
     above_zero("period", period, "the sampling period in seconds")
     counted = corrects and output == "angle"
@@ -153,19 +154,19 @@ def make_design(
 
 
 def above_zero(name: str, value: object, what: str) -> float:
-    """Return a finite number above zero; ``what`` describes the number and its unit in messages."""
+    """Check and return a finite number above zero; ``what`` describes it in messages."""
     if _is_number(value) and 0 < value < np.inf:  # type: ignore[operator]
         return float(value)  # type: ignore[arg-type]
     raise EstimatorError(f"{name} is {value!r}; give {what}, finite and above 0")
 
 
 def at_least_zero(name: str, value: object, what: str) -> float:
-    """Return a finite number that is not negative; ``what`` describes it in messages."""
+    """Check and return a finite number that is not negative; ``what`` describes it in messages."""
     return 0.0 if _is_number(value) and value == 0 else above_zero(name, value, f"0 or {what}")
 
 
 def flag(name: str, value: object) -> bool:
-    """Return a boolean option, or raise EstimatorError if the value is not boolean."""
+    """Return the value of a boolean option; raise EstimatorError if the value is not boolean."""
     if isinstance(value, bool):
         return value
     raise EstimatorError(f"{name} is {value!r}; give true or false")
@@ -176,7 +177,7 @@ def _is_number(value: object) -> bool:
 
 
 def forgetting_factor(forgetting: object, period: float) -> float:
-    """Return λ in (0, 1]; the default corresponds to `TIME_CONSTANT`."""
+    """Check and return λ in (0, 1]; the default λ has the time constant `TIME_CONSTANT`."""
     if forgetting is None:
         return max(1 - period / TIME_CONSTANT, 0.5)
     if _is_number(forgetting) and 0 < forgetting <= 1:  # type: ignore[operator]
@@ -210,7 +211,7 @@ def finite_vector(name: str, value: ArrayLike, p: int) -> Array:
 
 
 def covariance_matrix(name: str, value: ArrayLike, p: int) -> Array:
-    """Return a symmetric positive definite (p, p) matrix, given the matrix or its diagonal (p,)."""
+    """Check and return a positive definite (p, p) matrix, given in full or as its diagonal (p,)."""
     matrix = _as_numbers(name, value)
     if matrix.shape == (p,):
         matrix = np.diag(matrix)

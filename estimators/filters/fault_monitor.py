@@ -4,18 +4,19 @@ Detection of a sensor that does not follow the axis, and of a lost filter that h
 A reading that repeats while the axis moves comes from a sensor that is stuck or saturated. Noisy
 readings never repeat exactly, but encoder counts do. The speed computed from an encoder has an
 error of less than one count q per period, with a triangular distribution from −q to q and the
-variance q²/6. Between two equal readings the true speed may therefore change by 2q = 4.9 standard
-deviations. If ŷ has changed by more than twice this amount since the reading first occurred,
-samples are ignored, as in a gap, until the sensor reads another value. The repeated reading is also
-ignored later, until a reading beyond this value shows that the value is not the end of the range.
+variance q²/6. The true speed may therefore change by 2q = 4.9 standard deviations between two equal
+readings. If ŷ has changed by more than twice this amount since the reading first occurred, samples
+are ignored, as in a gap, until the sensor reads another value. The repeated reading is also ignored
+later, because it may be the end of the sensor's range. A reading beyond this value shows that it is
+not the end, and the value is used again.
 
-The samples before the detection may have moved the estimate far away. When the reading of the
-sensor changes again, a filter is reset if it permanently retains old information or models jumps.
-Any filter is reset if its ŷ is not a number. A filter with forgetting recovers without a reset,
-unless the estimate has reached another local minimum. Such a filter is reset only if its residual
-has contained a large and correlated part of y for longer than the memory of the filter. After each
-reset the waiting time doubles, so a filter is lost for at most twice as long as the sensor was
-wrong.
+The samples before the detection may have moved the estimate far from the true value. When the
+reading of the sensor changes again, a filter is reset if it permanently retains old information or
+models jumps. Any filter is reset if its ŷ is not a number. A filter with forgetting recovers
+without a reset, unless the estimate has reached another local minimum. Such a filter is reset only
+if its residual has been large relative to y, and autocorrelated, for longer than the memory of the
+filter. The waiting time doubles after each reset, so a filter is lost for at most twice as long as
+the sensor was wrong.
 
 All thresholds are relative to y and to the noise of y, so units do not matter.
 """
@@ -26,17 +27,17 @@ from flexaxis.estimators.filters.state import PATIENCE
 from flexaxis.estimators.models.compiler import inlined
 from flexaxis.estimators.models.memory import Memory
 
-FAR = 10.0  # change of ŷ in standard deviations: twice the change possible with a coarse encoder
-FORETOLD = 0.5  # smallest autocorrelation of the residual of a lost filter; noise has little
-LEFT = 0.2  # smallest ratio of the mean squares of the residual of a lost filter and of y: a wrong
-# gear spring in the model leads to 0.17, a sensor that had the wrong sign for a while to 0.25
+FAR = 10.0  # change of ŷ in standard deviations: twice the change that a coarse encoder can miss
+FORETOLD = 0.5  # smallest autocorrelation of a lost filter's residual; that of noise is small
+LEFT = 0.2  # smallest mean square of a lost filter's residual relative to that of y: a wrong gear
+# spring in the model leads to 0.17, a sensor whose sign was temporarily wrong to 0.25
 ABSURD = 1e2
 """
-Largest ratio of the measured output to the rms of ŷ, to ŷ, or to the noise, at which a residual is
-checked: parameters within their box (0.1 to 10 times nominal) change y by at most a factor of one
+A residual is checked only if |y| is at most this multiple of the largest of |ŷ|, the rms of ŷ and
+the noise. Parameters within their box (0.1 to 10 times nominal) change y by at most a factor of one
 hundred.
 """
-HEEDS_LOST, HEEDS_NOTHING = 1.0, 9.0  # a filter is reset if ``anew`` is larger; 0 by default
+HEEDS_LOST, HEEDS_NOTHING = 1.0, 9.0  # a reset requires ``anew`` > ``heeds``, which is 0 by default
 
 KEPT = (
     "reading",
@@ -45,7 +46,7 @@ KEPT = (
     "rails",
     "patience",
     "rounding",
-)  # variables that describe the sensor and are kept in a reset
+)  # variables that describe the sensor and are kept after a reset
 
 
 @inlined
@@ -74,7 +75,7 @@ def is_stuck(state, y, prediction, variance):
 
 @inlined
 def check_residual(state, y, epsilon):
-    """Process a residual, and mark a lost filter for a reset; then double the waiting time."""
+    """Process a residual; if the filter is lost, request a reset and double the waiting time."""
     if y**2 > ABSURD**2 * max(state["signal"], state["prediction"] ** 2, state["noise"]):
         return  # such a sample would dominate the means for minutes
     squares = state["squares"]
@@ -85,7 +86,7 @@ def check_residual(state, y, epsilon):
     squares[2] += (epsilon * state["last_left"] - squares[2]) / count
     state["last_left"] = epsilon
     lost = squares[0] > LEFT * squares[1] and squares[2] > FORETOLD * squares[0]
-    # count samples without interruption, because every jump of a parameter takes some time
+    # count only consecutive samples, because tracking a jump of a parameter takes some time
     state["gone"] = state["gone"] + 1.0 if lost else 0.0
     patience = state["patience"] * state["astray_memory"]
     if state["judged"] >= patience:
@@ -98,12 +99,12 @@ def check_residual(state, y, epsilon):
 
 def begin_anew(state: Memory, start: Memory) -> None:
     """
-    Reset a filter, or several filters in rows, but keep the variables that describe the sensor.
+    Reset one or several filters (in rows), but keep the variables that describe the sensor.
 
-    For a while y is ignored and the state is driven by the torque alone, until the state agrees
-    with the state of the axis. Otherwise the filter would attribute the error of the state to the
-    parameters. R is learnt again; until R is known, the value of R before the reset is used to
-    detect a stuck sensor.
+    For a while, y is ignored and the torque alone drives the state, until it agrees with the state
+    of the axis. Otherwise the filter would attribute an error of the state to the parameters. R is
+    learnt again; until R is known, the value of R before the reset is used to detect a stuck
+    sensor.
     """
     kept = {name: np.copy(state[name]) for name in KEPT}
     kept["earlier"] = state["noise"] * (1.0 if np.max(state["anew"]) < 2.0 else np.nan)

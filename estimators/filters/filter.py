@@ -1,4 +1,4 @@
-"""The base of all recursive estimators: step, run, reset, copy, and innovations."""
+"""The base classes of all recursive estimators, with step, run, reset, copy and innovations."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
@@ -26,18 +26,18 @@ class RecursiveEstimator(ABC):
     names : tuple of str
         Names of the p identified parameters.
     output : {"speed", "increment", "angle"}
-        Kind of signal y.
+        Name of the signal y.
 
     Attributes
     ----------
     names, output
-        Values of the constructor's parameters.
+        The constructor's parameters.
     theta : (p,) array
         Current estimate.
     covariance : (p, p) array
         Claimed covariance of the estimate.
     prediction : float
-        Prediction ŷ[k] of the last output from all earlier samples.
+        Prediction ŷ[k] of the latest output from all earlier samples.
     innovation : float
         Innovation y[k] − ŷ[k]; NaN in a gap and before the first sample.
     innovation_variance : float
@@ -67,7 +67,7 @@ class RecursiveEstimator(ABC):
     def _take(
         self, u: Array, y: Array, valid: NDArray[np.bool_], estimates: Array, trace: Array
     ) -> None:
-        """Process N samples; write θ (N, p), and ŷ, the innovation and its variance (N, 3)."""
+        """Process N samples; write θ (N, p) and a trace (N, 3): ŷ, the innovation, its variance."""
 
     @abstractmethod
     def _start(self) -> None:
@@ -126,7 +126,7 @@ class RecursiveEstimator(ABC):
         u, y : (N,) array_like
             Torque and measured output.
         valid : (N,) array_like of bool, optional
-            Validity of each y, False where y is missing; all valid by default.
+            False where y is missing; True everywhere by default.
         """
         u, y, present = check_signals(u, y, valid)
         estimates = np.empty((len(u), len(self.names)))
@@ -144,14 +144,15 @@ class CompiledFilter(RecursiveEstimator):
     Parameters
     ----------
     loop : callable
-        The function ``loop(block, at, u, y, valid, estimates, trace, laws)`` processes samples and
-        writes η (N, p), and ŷ, the innovation and its variance (N, 3). ``laws`` is None for a
-        linear model. The function returns the number of processed samples; a negative number means
-        that the filter has to be reset, see `flexaxis.estimators.filters.fault_monitor`.
+        Function ``loop(block, at, u, y, valid, estimates, trace, laws)`` that processes samples. It
+        writes η to ``estimates`` (N, p), and ŷ, the innovation and its variance to ``trace``
+        (N, 3). ``laws`` is None for a linear model. The function returns the number of processed
+        samples; a negative number means that the filter has to be reset, see
+        `flexaxis.estimators.filters.fault_monitor`.
     start : Memory
         State of the filter before the first sample.
     design : Design
-        Options of the filter, with names, output, scale and box.
+        Options of the filter, including names, output, scale and box.
     read : callable
         Function ``read(state)`` that returns η and the claimed covariance of η.
 
@@ -173,7 +174,7 @@ class CompiledFilter(RecursiveEstimator):
         self._laws = LAWS if design.model.forces else None
         self._design, self._begin, self._read = design, start, read
         self.reset()
-        self.run([], [])  # compiles the loop now and not in the first step
+        self.run([], [])  # compiles the loop now instead of in the first step
 
     def _start(self) -> None:
         self.state = self._begin.copy()

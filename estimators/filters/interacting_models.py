@@ -1,8 +1,9 @@
 """
-Interacting multiple models: the probabilities of the modes, and the mixing of the modes.
+Interacting multiple models: the probabilities of the modes, and their mixing.
 
-Each mode is a joint filter. Arrays that differ between modes have one row per mode; the first row
-belongs to the quiet mode.
+Each mode is a Kalman filter for state and parameters, see `joint`. Arrays that differ between modes
+have one row per mode. The first row belongs to the quiet mode, which assumes that no parameter
+jumps.
 """
 
 from typing import Annotated, NamedTuple
@@ -28,10 +29,10 @@ class Modes(NamedTuple):
     Attributes
     ----------
     now, axis, theta, X, drift, lower, upper, P, G, GP, gain, ceiling
-        Attributes of `flexaxis.estimators.filters.joint.Joint`. One more row stores the quiet mode
-        while the modes are mixed.
+        Attributes of `flexaxis.estimators.filters.joint.Joint`. An additional row stores the quiet
+        mode while the modes are mixed.
     apart : (m,) array
-        Difference between two modes.
+        Difference between the means of two modes.
     """
 
     now: Annotated[NDArray[np.void], NUMBERS, 1]
@@ -90,9 +91,10 @@ def mixture(now, X):
 @inlined
 def weigh(modes, y, noise, estimates):
     """
-    Compute μ_j ← c_j Λ_j/Σ_i c_i Λ_i, and write the mean of η.
+    Compute the probabilities μ_j ← c_j Λ_j/Σ_i c_i Λ_i of the modes, and write the mean of η.
 
-    Λ_j is the likelihood of the innovation of mode j, or one if y is NaN.
+    c_j is the predicted probability of mode j. Λ_j is the likelihood of its innovation, or one if y
+    is NaN.
     """
     now, highest, total = modes.now, -np.inf, 0.0
     for j in range(len(now)):
@@ -115,9 +117,9 @@ def mix(modes):
     """
     Compute the mixed ξ⁰ and P⁰ from which every mode continues.
 
-    Modes are mixed two at a time, with the same result as mixing all at once. A jump mode continues
-    from a mixture of itself and the quiet mode; the quiet mode continues from a mixture of all
-    modes. Π_0j is the same for all jump modes j, and Π_j0 = 1 − Π_jj.
+    Mixing two modes at a time gives the same result as mixing all modes at once. A jump mode
+    continues from a mixture of itself and the quiet mode; the quiet mode continues from a mixture
+    of all modes. Π_0j is the same for all jump modes j, and Π_j0 = 1 − Π_jj.
     """
     now, count = modes.now, len(modes.now)
     quiet = now[0]
@@ -135,7 +137,7 @@ def mix(modes):
 
 @inlined
 def _join(modes, i, j, share):
-    """Replace ξ and P of mode i by those of its mixture with mode j of weight ``share``."""
+    """Mix mode j, with the weight ``share``, into ξ and P of mode i."""
     theta, X, apart = modes.theta, modes.X, modes.apart
     p = theta.shape[1]
     for a in range(p):

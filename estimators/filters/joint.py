@@ -1,10 +1,11 @@
 """
 State and parameters in one extended Kalman filter: `predict` over a sample, `update` with y.
 
-Over a sample θ is constant and x changes, ξ⁺ = F ξ with F = [I 0; G], so that the block θθ of P
-only increases by W. The rows of X contain G = ∂x⁺/∂ξ and h = ∂y⁺/∂ξ, the derivatives with respect
-to ξ at the previous sample. The time update of P is carried out together with the measurement
-update at the end of the sample, because G P and P h are then computed in one product.
+Over a sample, θ is constant and x changes. For small deviations of ξ = [θ; x], ξ⁺ = F ξ with
+F = [I 0; G]. The block of P that belongs to θ therefore only increases by W. The rows of X contain
+G = ∂x⁺/∂ξ and h = ∂y⁺/∂ξ, the derivatives with respect to ξ at the previous sample. The time update
+of P is carried out together with the measurement update at the end of the sample, so that one
+product yields both G P and P h.
 """
 
 from typing import Annotated, NamedTuple
@@ -29,13 +30,13 @@ class Joint(NamedTuple):
     Attributes
     ----------
     now, axis
-        Scalar variables and arrays of the model.
+        Scalar variables of the filter, and arrays of the model.
     theta : (p,) array
         Estimate of the relative parameters η.
     X : (> n, lanes) array
         States and output, with derivatives with respect to ξ at the start of the sample.
     drift : (p, p) array
-        Covariance W that θ gains in every sample.
+        Covariance W that is added to the covariance of θ in every sample.
     lower, upper : (p,) arrays
         Bounds of η.
     P : (m, w) array
@@ -45,7 +46,7 @@ class Joint(NamedTuple):
     gain : (m,) array
         Gain K, multiplied by √S.
     ceiling : (p,) array
-        Largest variances of η.
+        Upper limits of the variances of η.
     """
 
     now: Annotated[NDArray[np.void], NUMBERS, 1]
@@ -64,7 +65,7 @@ class Joint(NamedTuple):
 
 def joint_arrays(design: Design, *, rests: bool = False, **more: float) -> dict[str, NDArray]:
     """
-    Return the arrays of a filter before the first sample, by name.
+    Return the initial arrays of a joint filter, keyed by name.
 
     Parameters
     ----------
@@ -73,7 +74,7 @@ def joint_arrays(design: Design, *, rests: bool = False, **more: float) -> dict[
         Whether R is updated with every changed reading, even at rest. Only an encoder repeats
         readings.
     **more
-        Values of further scalar variables.
+        Initial values of further scalar variables.
     """
     p, n = len(design.theta0), design.model.states
     m, w, counts = p + n, padded(p + n), design.output == "angle"
@@ -93,7 +94,7 @@ def joint_arrays(design: Design, *, rests: bool = False, **more: float) -> dict[
 
 @inlined
 def predict(state, u, laws):
-    """Predict ξ over a sample with u held, with derivatives by the ξ at the start of the sample."""
+    """Predict ξ over a sample with u held, and the derivatives with respect to the previous ξ."""
     X, p = state.X, len(state.lower)
     n = len(state.gain) - p
     X[:n, 1:] = 0.0

@@ -3,22 +3,23 @@ The noise variance R of y in a Kalman filter: specified by the user, or learnt f
 
 The innovation e = y − ŷ has the variance S = hᵀPh + R. One step of expectation-maximisation maps R
 to hᵀPh R/S + e² R²/S² (R. H. Shumway and D. S. Stoffer, *An approach to time series smoothing and
-forecasting using the EM algorithm*, J. Time Series Analysis 3 (1982), in recursive form). R is a
-mean of these values. A sample contains little information about R if the uncertainty of ξ dominates
-S.
+forecasting using the EM algorithm*, J. Time Series Analysis 3 (1982), in recursive form). The
+filter uses a mean of these values as R. A sample contains little information about R if the
+uncertainty of ξ dominates S.
 
-A parameter change also increases e². The effect of a change is smooth and vanishes in a third
-difference. Therefore a second mean uses (e[k] − 3e[k−1] + 3e[k−2] − e[k−3])²/20 instead of e²
+A parameter change also increases e². The effect of a change is smooth, so a third difference almost
+removes it. Therefore a second mean uses (e[k] − 3e[k−1] + 3e[k−2] − e[k−3])²/20 instead of e²
 (after T. Gasser, L. Sroka and C. Jennen-Steinmetz, *Residual variance and residual pattern in
 nonlinear regression*, Biometrika 73 (1986)). R is the smaller of the two means. If the means differ
 strongly, R is learnt more slowly.
 
 All thresholds are relative to the data, so the units of y do not matter. If y is an angle, the
 filter measures the angle relative to the first reading. R is then at least q²/12, the variance of
-the rounding of an encoder with the count q; q is the smallest step between two readings so far.
+an encoder's rounding error, where q is the smallest step between two readings so far.
 
-An exact angle shows every error of the model. If y is an angle, white torque noise therefore drives
-the motor as well. Its variance starts large and is learnt such that the mean of e²/S is one.
+An exact angle reveals every error of the model. If y is an angle, the model therefore contains
+white torque noise that acts on the motor. The variance of this noise starts large and is adapted
+until the mean of e²/S is one.
 """
 
 from math import erf, exp, pi, sqrt
@@ -30,23 +31,27 @@ from flexaxis.estimators.filters.state import KNOWN, is_known
 from flexaxis.estimators.models.compiler import inlined
 
 CLIP = 3.0  # standard deviations to which innovations are clipped before R is updated
-SURE = 2.0  # R is at most twice the mean over the last KNOWN samples (7 standard deviations)
-SMOOTH = 0.25  # squared differences divided by squares: 1 ± 0.2 for white noise. If the ratio is
-# smaller, the model is wrong, and R is learnt more slowly
-SLOWER = 10.0  # factor by which the memory of R is longer in this case
-ODD = 100.0  # standard deviations: a sample that differs by more from ŷ and the previous sample is
-# skipped, because noise is never that large. A fault persists; its residuals are clipped to this
+SURE = 2.0  # R is at most this multiple of its mean over KNOWN samples (7 standard deviations)
+SMOOTH = 0.25  # limit of the ratio of squared differences to squares, which is 1 ± 0.2 for white
+# noise. A smaller ratio means that the model is wrong, and R is learnt more slowly
+SLOWER = 10.0  # factor by which the memory of R is longer if the ratio is below SMOOTH
+ODD = 100.0  # standard deviations: a sample that differs from both ŷ and the previous sample by
+# more is skipped, because noise is never that large. A fault persists, and its residuals are
+# clipped to this limit
 WILD = 8.0  # the same limit after the first isolated outlier. Normal noise exceeds this limit once
-# in 1e15 samples. Applied from the start, it would skip the first sample of a large fault
-ROW = 2  # largest number of consecutive samples that are skipped, because a fault persists
+# in 1e15 samples. Applied from the start, this limit would skip the first sample of a large fault
+ROW = 2  # largest number of consecutive samples that are skipped; a fault lasts longer
 GROWS = 3.0  # a second outlier of the same sign is used if it is at most three times the first: the
 # effect of a torque jump on the speed doubles within a sample
 FINEST = 1e-6  # smallest standard deviation of the noise relative to ŷ, due to rounding
-LEARNS, REMEMBERS = 0.02, 2e-3  # change of ln of the variance of the torque noise per sample, over
-# e²/S − 1: in the first samples, over the memory of R, and afterwards. A change of a parameter also
-# increases e²; with 0.02, the torque noise would absorb it. Chosen on seeds 0-5 of four encoders
-LOWEST, HIGHEST = np.exp(-25.0), np.exp(2.0)  # limits of this variance over the initial one
-MOVING = 0.5  # ratio of ŷ and noise above which a sample updates R: an encoder at rest is exact
+LEARNS, REMEMBERS = 0.02, 2e-3  # change per sample of the logarithm of the torque-noise variance,
+# divided by e²/S − 1. The first value is used for as many samples as the memory of R contains, and
+# then the second. A parameter change also increases e², and with 0.02 the torque noise would absorb
+# it. Chosen on seeds 0-5 of four encoders
+LOWEST, HIGHEST = np.exp(-25.0), np.exp(2.0)  # limits of this variance relative to its initial
+# value
+MOVING = 0.5  # a sample updates R only if |ŷ| exceeds this multiple of the noise: an encoder at
+# rest is exact
 
 
 def clipped_variance(clip: float) -> float:
@@ -91,9 +96,9 @@ def judge(state, y, valid, prediction, spread):
         return prediction
     if noise <= 0.0:
         if not fresh or e**2 + spread == 0.0 if state["rests"] > 0.0 else prediction == 0.0:
-            return np.nan  # nothing is known of R yet
+            return np.nan  # R is still unknown
         square = state["rounding"]
-        if state["first_torque_noise"] == 0.0:  # else P holds what is unknown of the state
+        if state["first_torque_noise"] == 0.0:  # else P includes the error of the state
             square = max(square, e**2 + spread)
         state["noise"], state["samples"] = square, 1.0
         state["levels"][:] = square
@@ -144,7 +149,7 @@ def _is_wild(state, e, sd, judged):
 
 @inlined
 def _roughness(past, e):
-    """Return (e − 3e₁ + 3e₂ − e₃)²/20 with the three previous innovations, and store e."""
+    """Return (e − 3e₁ + 3e₂ − e₃)²/20 from the three previous innovations, and store e."""
     rough = (e - 3.0 * past[0] + 3.0 * past[1] - past[2]) ** 2 / 20.0
     past[2], past[1], past[0] = past[1], past[0], e
     return rough
@@ -162,7 +167,7 @@ def _learn(state, spread, square, rough):
     count = state["samples"] = min(state["samples"] + 1.0, state["memory"])
     settled, squares = count > KNOWN, (square, rough)
     for i in range(2):
-        if squares[i] >= 0.0:  # not NaN, as the second is after a gap
+        if squares[i] >= 0.0:  # the second is NaN after a gap
             levels[2 + i] += (rest + scale * squares[i] - levels[2 + i]) / min(count, KNOWN)
     if settled and levels[3] < SMOOTH * levels[2]:
         count *= SLOWER
@@ -180,7 +185,7 @@ def _learn(state, spread, square, rough):
 def learn_torque_noise(state, rate, lowest):
     """Update the variance of the torque noise after a measurement, see `LEARNS`."""
     square = state["innovation"] ** 2 / state["innovation_variance"]
-    if state["first_torque_noise"] > 0.0 and square >= 0.0:  # not NaN, as in a gap
+    if state["first_torque_noise"] > 0.0 and square >= 0.0:  # NaN in a gap
         least, most = lowest * state["first_torque_noise"], HIGHEST * state["first_torque_noise"]
         state["learnt"] += 1.0
         growth = np.exp(rate * (min(square, CLIP**2) - 1.0))
@@ -196,6 +201,6 @@ def allow_for_torques(state):
 
 @inlined
 def show(state, row):
-    """Write ŷ, the innovation and its variance (3,) of a sample."""
+    """Write ŷ, the innovation and its variance into a row (3,) of the trace."""
     row[0], row[1] = state["prediction"], state["innovation"]
     row[2] = state["innovation_variance"]

@@ -2,9 +2,9 @@
 One measurement of a prediction-error method, in compiled code: eq. (5)–(7), (9), (10), (12).
 
 All quantities are expressed in relative parameters η = θ/θ(0). The matrix P determines the gain. A
-second matrix Σ is the actual covariance of the estimate for a noise variance of one,
-Σ ← (I − Kψᵀ) Σ (I − Kψᵀ)ᵀ + K Kᵀ with K = P(t|t) ψ. In slow, steady adaptation Σ equals P/2; after
-a reset of P the two differ.
+second matrix Σ is the actual covariance of the estimate for a noise variance of one, Σ ← (I − Kψᵀ)
+Σ (I − Kψᵀ)ᵀ + K Kᵀ with K = P(t|t) ψ. In slow, steady adaptation, Σ equals P/2; after a reset of P,
+Σ and P/2 differ.
 """
 
 from typing import Annotated, NamedTuple
@@ -35,19 +35,19 @@ from flexaxis.estimators.models.series import Axis
 
 Array = NDArray[np.float64]
 
-ASLEEP = 1e-2  # Σψ²/R̂, with ψ for relative parameters, below which a sample is not informative:
-# doubling a parameter would change y by less than a tenth of the noise
+ASLEEP = 1e-2  # a sample is not informative if the sum of ψ²/R̂ is below this value, with ψ for
+# relative parameters: doubling a parameter would change y by less than a tenth of the noise
 CEILING = 1.0  # largest R̂ P_ii relative to θ(0)²: a standard deviation of 100 %
 GRANTED = 3.0  # multiple of P(0) that P may always reach, even if a parameter is hardly excited
-LINEAR = 1e-3  # error relative to y of a model that is linear in a change of θ by one half. Smaller
-# residuals are not outliers, and smaller noise is not assumed after a reset. With a lower value one
-# reset in three led to a wrong estimate (σ = 7e-5 of y, 20 runs), with this value none
+LINEAR = 1e-3  # error, relative to y, that linearisation causes if θ changes by one half. Smaller
+# residuals do not count as outliers, and a reset assumes at least this noise. With a lower value,
+# one reset in three led to a wrong estimate (σ = 7e-5 of y, 20 runs); with this value, none did
 EARLY = 100.0  # largest multiple of P(0) while R̂ is unknown
 ROBUST = 30.0  # standard deviations beyond which a residual can only be an outlier: the faults in
-# the suite cause at most ten, and an outlier at this limit changes no parameter by 2 %
-CALM = 1e-3  # largest R̂ P_ii relative to θ(0)²: a standard deviation of 3 %, with which an axis is
-# tracked after a standstill. With 10 % or more one restart in ten ends in a local minimum or at the
-# bounds; with 3 % none of 320 did (two axes, five kinds of standstill, seeds 0 to 15)
+# the suite cause at most ten, and an outlier at this limit changes every parameter by less than 2 %
+CALM = 1e-3  # largest R̂ P_ii relative to θ(0)²: a standard deviation of 3 %, used for tracking
+# after a standstill. With 10 % or more, one restart in ten ends in a local minimum or at the
+# bounds; with 3 %, none of 320 restarts did (two axes, five kinds of standstill, seeds 0 to 15)
 
 
 class Recursion(NamedTuple):
@@ -57,13 +57,13 @@ class Recursion(NamedTuple):
     Attributes
     ----------
     now, axis
-        Scalar variables and arrays of the model.
+        Scalar variables of the filter, and arrays of the model.
     theta : (p,) array
         Estimate of the relative parameters η.
     X : (n+1, lanes) array
-        States and output, with derivatives.
+        States and output, with their derivatives.
     drift : (p, p) array
-        Covariance Δ that P gains in every sample.
+        Covariance Δ that is added to P in every sample.
     lower, upper : (p,) arrays
         Bounds of the estimate.
     P, claim : (p, p) arrays
@@ -71,8 +71,7 @@ class Recursion(NamedTuple):
     psi, gain, before, reach : (p,) arrays
         Gradient ψ, the product Pψ, the previous estimate, and the product Σψ.
     prior, granted : (p,) arrays
-        Diagonal of P(0), and values up to which the diagonal of P may exceed the ceiling after a
-        reset of P.
+        Diagonal of P(0), and minimum ceilings of the diagonal of P, which a reset of P raises.
     regularization : (p,) array
         Weights μ.
     """
@@ -110,14 +109,14 @@ def recursion(
     ----------
     design : Design
     robust : float
-        Number of standard deviations to which residuals are clipped; 0 for no limit. With a limit,
-        the readings of a stuck sensor are ignored as well.
+        Number of standard deviations to which residuals are clipped; 0 for no limit. If a limit is
+        set, the readings of a stuck sensor are ignored as well.
     correct : bool
-        Whether the state is corrected when θ changes.
+        Whether the filter corrects its state when θ changes.
     ceiling : float
         Largest variance of an estimate relative to θ(0)²; infinite for no limit.
     **more
-        Values of further scalar variables, such as the options of a rule of forgetting.
+        Initial values of further scalar variables, such as the options of a rule of forgetting.
     """
     at_least_zero("robust", robust, "standard deviations, such as 3, or 0 for never")
     if ceiling != np.inf:
@@ -148,9 +147,9 @@ def recursion(
 @inlined
 def measure(state, y, valid):
     """
-    Perform the measurement update of η, P and Σ, eq. (5)–(7), and project η on the box.
+    Perform the measurement update of η, P and Σ, eq. (5)–(7), and restrict η to its bounds.
 
-    If the filter corrects its state, state and output follow the change of θ, x ← x + z Δθ.
+    If the filter corrects its state, the state and the output follow the change of θ, x ← x + z Δθ.
     """
     now, theta, psi = state.now[0], state.theta, state.psi
     gain, reach, before = state.gain, state.reach, state.before
@@ -232,9 +231,9 @@ def _learn(now, psi, square):
     R̂ is the exact mean over the first samples and then an exponential mean. R̂ is not updated while
     the axis is not excited.
 
-    The whole residual is used, and not only its rough part as in `filters.noise`: a predictor has
-    no process noise, so R̂ must include the errors of the model. Otherwise the NEES on an axis with
-    unmodelled friction is five times worse, and resets are too frequent.
+    R̂ is learnt from the whole residual, whereas `filters.noise` also uses its third difference. A
+    predictor has no process noise, so R̂ must include the errors of the model. Otherwise the NEES
+    on an axis with unmodelled friction is five times worse, and resets are too frequent.
     """
     excitation = 0.0
     for i in range(len(psi)):
@@ -252,7 +251,7 @@ def _learn(now, psi, square):
 
 @inlined
 def grow(P, column, forgetting, drift, regularization):
-    """Update P (p, p) in time, eq. (9) or (10), and regularise P, (12); overwrite a column (p,)."""
+    """Update P (p, p) by eq. (9) or (10) and regularise it by (12); overwrite ``column`` (p,)."""
     p = len(P)
     for i in range(p):
         for j in range(p):
@@ -268,9 +267,9 @@ def grow(P, column, forgetting, drift, regularization):
 @inlined
 def bound_P(state):
     """
-    Scale P so that R̂ P stays below the ceiling, or P below the early ceiling while R̂ is unknown.
+    Scale P so that R̂ P stays below the ceiling; while R̂ is unknown, an early ceiling limits P.
 
-    After a reset P may be larger, until the data have reduced P again.
+    After a reset, P may be larger until the data have reduced it again.
     """
     now, P, prior = state.now[0], state.P, state.prior
     granted, most = state.granted, state.gain  # reuse the memory of the gain

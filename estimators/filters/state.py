@@ -1,4 +1,4 @@
-"""Parts that all filters have in common: scalar variables, model and states, bounds on P and θ."""
+"""Common parts of all filters: scalar variables, model and states, bounds on P and θ."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,10 +10,10 @@ from flexaxis.estimators.models.memory import numbers
 from flexaxis.estimators.models.rows import padded
 from flexaxis.estimators.models.series import axis_arrays
 
-MEMORY = 2.0  # s, memory of R; with 400 samples at 5 ms R has a relative standard deviation of 5 %
+MEMORY = 2.0  # s, memory of R: R has a relative standard deviation of 5 % (400 samples at 5 ms)
 KNOWN = 50.0  # samples after which R is accurate enough (20 %) to detect outliers
 ASTRAY_MEMORY = 2.0  # s, memory of the means by which a lost filter is detected
-PATIENCE = 5.0  # time until a filter counts as lost, relative to this memory: ten time constants
+PATIENCE = 5.0  # time until a filter counts as lost, relative to ASTRAY_MEMORY: ten time constants
 UNKNOWN = 1.0  # s, time after which an error of the state has decayed
 
 _TUNING = (
@@ -47,19 +47,19 @@ _NOISE = (
     "origin",  # reading at which the counted angle is zero
     "rounding",  # variance of the rounding of an encoder, 0 while unknown
     "driven",  # index of the state that the torque drives
-    "learnt",  # number of samples from which this noise was learnt
-    "torque_noise",  # variance [its unit²] that it gains per sample from unmodelled torques
+    "learnt",  # number of samples from which the torque noise was learnt
+    "torque_noise",  # variance that unmodelled torques add to the driven state per sample
 )
 _MONITOR = (
     "reading",  # last reading of the sensor
     "foreseen",  # ŷ when this reading first occurred
     "stuck",  # 1 while the sensor is stuck
     "doubted",  # 1 from the detection of a stuck sensor until the reading changes
-    "judged",  # number of samples in the means
+    "judged",  # number of samples in the means ``squares``
     "last_left",  # ε of the last sample
     "gone",  # number of samples for which a filter with forgetting has been lost
     "patience",  # time until the filter counts as lost, as a multiple of the memory
-    "anew",  # 1 if the filter should be reset, 2 if R is useless as well
+    "anew",  # 1 if the filter should be reset, 2 if R is unusable as well
     "earlier",  # R before the last reset
     "waits",  # remaining samples that are ignored after a reset during motion
 )
@@ -78,20 +78,20 @@ _JOINT = (
 NUMBERS = np.dtype(
     [(name, float) for name in (*_TUNING, *_NOISE, *_MONITOR, *_PREDICTION_ERROR, *_JOINT)]
     + [
-        ("levels", float, 4),  # means of squares, and of squared differences; both over KNOWN
+        ("levels", float, 4),  # means of squares and of squared differences, then both over KNOWN
         ("past", float, 3),  # previous innovations, the last one first
         ("rails", float, 2),  # lowest and highest reading at which the sensor was stuck, or NaN
         ("squares", float, 3),  # means of ε², of y², and of ε[k] ε[k−1]
         ("sums", float, 4),  # variables of a rule of forgetting
     ]
 )
-"""All scalars of a filter in one record of fixed type: tuning values and variables."""
+"""The record type for all scalars of a filter, both tuning values and variables."""
 _UNSET = "prediction", "innovation", "innovation_variance", "reading", "rails", "earlier"
 
 
 def first_arrays(design: Design, width: int, **more: ArrayLike) -> dict[str, NDArray]:
     """
-    Return the arrays that all filters have in common, before the first sample, by name.
+    Return the initial values of the arrays that all filters have in common, keyed by name.
 
     The axis is at rest. R is learnt if the design does not specify the noise.
 
@@ -101,7 +101,7 @@ def first_arrays(design: Design, width: int, **more: ArrayLike) -> dict[str, NDA
     width : int
         Number of values for each state: the state itself and its derivatives.
     **more
-        Values of further scalar variables.
+        Initial values of further scalar variables.
     """
     model, lanes, period = design.model, padded(width), design.period
     now = {
@@ -143,7 +143,7 @@ def bound(P, ceiling):
 
 @inlined
 def project(theta, lower, upper):
-    """Project the first elements of θ on the box."""
+    """Restrict the first elements of θ to their bounds."""
     for i in range(len(lower)):
         theta[i] = np.minimum(np.maximum(theta[i], lower[i]), upper[i])  # NaN remains NaN
 

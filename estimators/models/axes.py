@@ -93,7 +93,7 @@ STATIC = _friction(
     "static",
     parameters={"coulomb": "f_c", "breakaway": "f_s", "alpha": "alpha", "beta": "beta"},
 )
-"""The published static friction of an industrial robot's motor."""
+"""The static friction law published for the motor of an industrial robot."""
 GEAR_FRICTION = _friction(
     "gear",
     parameters={
@@ -111,7 +111,7 @@ GEAR_FRICTION = _friction(
         "ratio": "r",
     },
 )
-"""Friction that grows with the load of the gear, for a model that contains `GEAR_SPRING`."""
+"""Friction that grows with the load of the gear; the model must contain `GEAR_SPRING`."""
 GEAR_SPRING = Law(
     "spring",
     drive={"twist_gear": 1.0},
@@ -125,7 +125,7 @@ COGGING = Law(
     acts={"speed_motor": "1/J_m"},
     parameters={"sine": "c_sin", "cosine": "c_cos", "poles": "poles"},
 )
-"""Cogging of the motor, for a model that contains the motor angle: see `with_angle`."""
+"""Cogging of the motor; the model must contain the motor angle, see `with_angle`."""
 LIMIT = Law(
     "clip",
     drive={INPUT: 1.0},
@@ -215,14 +215,14 @@ def two_mass(nominal: Mapping[str, float]) -> Model:
 @dataclass(frozen=True)
 class Traits:
     """
-    Features of the frequency response of an unknown axis.
+    Properties of an unknown axis, derived from its frequency response.
 
     Attributes
     ----------
     inertia : float
         Total inertia, referred to the motor, for k_T = 1 [kg m²].
     friction : float
-        Small value assumed for the viscous friction [N m s/rad].
+        Assumed viscous friction, a small value [N m s/rad].
     resonance : float
         Frequency at which |G| exceeds the response of the total inertia by the largest factor
         [rad/s].
@@ -243,7 +243,7 @@ class _Shipped:
     factory : callable
         Function ``factory(nominal)`` that returns the model with these nominal values.
     rough : mapping
-        Parameter values of a plausible size for an unknown axis [SI].
+        Plausible parameter values for an unknown axis [SI].
     guess : callable or None
         Function ``guess(traits)`` that derives better values from the frequency response; None if
         the frequency response does not determine them.
@@ -259,7 +259,7 @@ def _one_mass_guess(seen: Traits) -> dict[str, float]:
 
 
 def _two_mass_guess(seen: Traits) -> dict[str, float]:
-    """Return parameters of two equal masses J with the resonance ω² = 2 k/J, damped by 2 %."""
+    """Return parameters of two equal masses J with ω² = 2 k/J and a damping ratio of 2 %."""
     stiffness = seen.resonance**2 * seen.inertia / 4
     return {
         "k_T": 1.0, "J_m": seen.inertia / 2, "J_l": seen.inertia / 2, "k": stiffness,
@@ -293,13 +293,13 @@ _KEYS = ("name", "states", "A", "B", "C", "nominal")
 
 def model_from_tables(tables: Mapping[str, Any]) -> Model:
     """
-    Return a model, given nested tables as returned by `tomllib`.
+    Create a model from nested tables, such as those that `tomllib` returns.
 
     Parameters
     ----------
     tables : mapping
-        Tables with either the key ``model``, the name of a shipped model, or the keys ``name``,
-        ``states``, ``A`` (rows of formulas), ``B`` and ``C``; and with the key ``nominal``, the
+        Tables that contain either the key ``model`` (name of a shipped model) or the keys ``name``,
+        ``states``, ``A`` (rows of formulas), ``B`` and ``C``. The key ``nominal`` contains the
         value of each parameter [SI]. The optional key ``law`` contains a list of tables with the
         fields of `flexaxis.estimators.models.laws.Law`. Other keys are ignored.
 

@@ -1,14 +1,14 @@
 """
-Compilation of functions by numba, once for all models, when the functions are first called.
+Compilation of functions by numba on their first call, once for all models.
 
 `compiled` and `loop` mark functions that Python calls and that numba caches; the other decorators
 mark functions that are compiled into their callers. Numba is imported only when a function is
 compiled, because this import takes longer than everything else that is needed to list the
 estimators.
 
-Numba invalidates a cached function when the file of the function changes. In this package functions
-call functions of other files. Therefore the name of the cache folder contains a digest of all
-sources of the package and of numba's version: any edit leads to another folder.
+Numba recompiles a cached function when the file of the function changes, but not when the function
+calls another file that changes. Therefore the name of the cache folder is a digest of all sources
+of the package and of numba's version, so any edit leads to another folder.
 """
 
 import gc
@@ -39,10 +39,10 @@ class Compiled:
         Function to compile.
     kept : bool
         Whether Python calls the function and numba caches it. Otherwise the function is compiled
-        into its callers; a call from Python, as in a test, runs the function uncompiled.
+        into its callers, and a call from Python, as in a test, runs it uncompiled.
     **options
         Options of `numba.njit`. Unless ``_nrt`` is True, the function may create views but no
-        arrays, and no references are counted.
+        arrays, because references are not counted.
     """
 
     def __init__(self, function: Callable, *, kept: bool = False, **options: Any) -> None:
@@ -86,25 +86,25 @@ inlined = Compiled
 fused = partial(Compiled, fastmath={"contract"})
 """Compile a function as `inlined` does, but allow a·b + c to be rounded once."""
 embedded = partial(Compiled, forceinline=True)
-"""Compile a function as `inlined` does, but force inlining, as for one that returns many views."""
+"""Compile a function as `inlined` does, but force inlining (for functions with many views)."""
 summed = partial(Compiled, fastmath={"contract", "reassoc"})
 """Compile a function as `fused` does, but allow sums to be taken in any order."""
 
 
 @contextmanager
 def _alone(name: str) -> Iterator[None]:
-    """Make other processes that need the function wait until it is in the cache."""
+    """Make other processes that need the function wait until it is cached."""
     folder, collects = cache_folder(), gc.isenabled()
     if folder is None:
-        _tell("in every process, as no cache folder can be written")
+        _tell("in every process, because no cache folder is writable")
     else:
         with suppress(FileExistsError):  # another process has begun and printed the message
             (folder / "begun").open("x").close()
-            _tell(f"once on this machine, a minute or two, into {folder}")
+            _tell(f"once on this machine (a minute or two), into {folder}")
     lock = sqlite3.connect(folder / f"{name}.lock" if folder else ":memory:", timeout=3600)
     gc.disable()  # garbage collection takes a sixth of the time and frees almost nothing
     try:
-        with closing(lock):  # works on every system, and is released if the process ends
+        with closing(lock):  # this lock works on every system, and a process that ends releases it
             lock.execute("BEGIN EXCLUSIVE")
             yield
     finally:
@@ -139,7 +139,7 @@ def _numba() -> Any:
 @lru_cache
 def cache_folder() -> Path | None:
     """
-    Return the folder for compiled code, created if necessary; None if the folder is not writable.
+    Create and return the folder for compiled code, or return None if it is not writable.
 
     The folder lies below ``FLEXAXIS_COMPILED`` or ``NUMBA_CACHE_DIR`` if one of these variables is
     set, otherwise below the user's cache folder.
@@ -156,7 +156,7 @@ def cache_folder() -> Path | None:
 
 
 def is_uncompiled() -> bool:
-    """Return whether the cache contains no compiled code of these sources."""
+    """Return whether compiled code of these sources is missing from the cache."""
     folder = cache_folder()
     return folder is not None and not (folder / "begun").exists()
 

@@ -11,14 +11,17 @@ from flexaxis.estimators.models.parametrization import Parametrization
 Array = NDArray[np.float64]
 
 TOLERANCE = 1e-12  # largest remainder of the series of a model without laws
-LAW_TOLERANCE = 1e-9  # the same for the linear part of a model with laws; the error of laws is 1e-5
-LAW_RANGE = 2.0  # largest ratio between θ and its start for which LAW_TOLERANCE is guaranteed
-LAW_STEPS = 4  # smallest number of steps per sample: resolves the time of a friction reversal
-LAW_LONGEST = 1.25e-3  # s, longest step, as at 200 Hz: a lower rate does not slow down reversals
+LAW_TOLERANCE = 1e-9  # the same for the linear part of a model with laws; laws have errors of 1e-5
+LAW_RANGE = 2.0  # largest ratio between θ and its initial value for which LAW_TOLERANCE is
+# guaranteed
+LAW_STEPS = 4  # smallest number of steps per sample, which resolves the time of a friction reversal
+LAW_LONGEST = 1.25e-3  # s, longest step, as at 200 Hz: friction reversals are as fast at lower
+# rates
 LAW_STEP = 0.2  # longest step relative to 1/|pole| of the fastest mode: 1.3 ms on the paper's axis
-MAX_SIZE = 3.0  # largest A·T per substep; larger terms cancel and lose digits, e^3 = 20
+MAX_SIZE = 3.0  # largest norm of A·T in a substep; larger terms cancel and lose digits (e^3 = 20)
 MAX_ORDER = 40  # largest order: the number of rows of `flexaxis.estimators.models.series.SERIES`
-MAX_STEPS = 10_000  # per sample: a mode of 30 000 radians per sample cannot be observed
+MAX_STEPS = 10_000  # largest number per sample: a mode of 30 000 radians per sample cannot be
+# observed
 
 
 def plan(
@@ -34,15 +37,15 @@ def plan(
 
     The remainder of the series is negligible for any θ in the box. Each entry of |A(θ)| is bounded
     over the box, with every monomial evaluated at its worst corner. The Perron root ρ of this
-    nonnegative matrix of bounds is the smallest norm of the matrix for any choice of units.
+    nonnegative matrix of bounds is the smallest norm that any choice of units can achieve.
     Therefore the size x = ρT/s of a substep does not depend on the units. The sensitivities have
-    the largest remainder; after m terms their remainder is below Σ_{k>m} k·x^(k−1)/k! =
-    Σ_{k≥m} x^k/k!. Chains of integrators, which a choice of units can make arbitrarily small, end
-    after 2(n+1) terms.
+    the largest remainder. After m terms, this remainder is below
+    Σ_{k>m} k·x^(k−1)/k! = Σ_{k≥m} x^k/k!. A choice of units can make chains of integrators
+    arbitrarily small, but their series ends after 2(n+1) terms.
 
-    The series of a model with laws is less accurate, because the laws are also solved less
-    accurately. The accuracy of the series is guaranteed for θ within a factor of `LAW_RANGE` of the
-    start; outside this range the series still converges.
+    The series of a model with laws has a larger tolerance, because the solution of the laws is less
+    accurate as well. The accuracy of the series is guaranteed for θ within a factor of `LAW_RANGE`
+    of the initial value. Outside this range, the series still converges.
 
     Parameters
     ----------
@@ -62,7 +65,7 @@ def plan(
     Raises
     ------
     EstimatorError
-        If a sample would need more than `MAX_STEPS` substeps.
+        If a sample requires more than `MAX_STEPS` substeps.
     """
     least, tolerance = min(2 * (model.n + 1), MAX_ORDER), TOLERANCE
     if model.forces:
@@ -98,7 +101,7 @@ def _order(x: float, tolerance: float) -> int:
 
 
 def _perron_root(model: Parametrization, lower: Array, upper: Array) -> float:
-    """Return the largest eigenvalue of the entrywise bound of |A| over the box [1/s]."""
+    """Return the largest eigenvalue [1/s] of the matrix of bounds of |A(θ)| over the box."""
     exponent = model.exponent.astype(float)
     ends = np.abs([lower, upper])
     corner = np.where(exponent > 0, ends.max(axis=0), ends.min(axis=0))
@@ -129,7 +132,7 @@ def extended_system(model: Parametrization, theta: Array) -> tuple[Array, Array,
     """
     blocks, p, n = model.blocks(theta), len(theta), model.n
     whole = np.multiply.outer(np.eye(p + 1), blocks[0]).swapaxes(1, 2)
-    whole[:, :, p] = np.roll(blocks, -1, axis=0)  # the model itself is the last
+    whole[:, :, p] = np.roll(blocks, -1, axis=0)  # the block of the model itself comes last
     N = (p + 1) * n
     F, H = whole[:, :n, :, :n].reshape(N, N), whole[:, n, :, :n].reshape(p + 1, N)
     return F, whole[:, :n, p, n].reshape(N, 1), H
@@ -139,7 +142,7 @@ def discretize(F: Array, G: Array, period: float) -> tuple[Array, Array]:
     """Return Φ and Γ of X[k+1] = Φ X[k] + Γ u[k] for an input that is held over each sample."""
     from scipy.linalg import expm  # takes a tenth of a second to import
 
-    held = np.pad(np.hstack([F, G]), ((0, 1), (0, 0)))  # the input is a state, which is constant
+    held = np.pad(np.hstack([F, G]), ((0, 1), (0, 0)))  # the input is treated as a constant state
     exponential = expm(held * period)[:-1]
     return exponential[:, :-1], exponential[:, -1:]
 

@@ -28,7 +28,7 @@ def multiply_out(entry: str) -> tuple[Monomial, ...]:
     Raises
     ------
     EstimatorError
-        If the string is not a formula of the supported form.
+        If the string is not a supported formula.
 
     Examples
     --------
@@ -39,8 +39,8 @@ def multiply_out(entry: str) -> tuple[Monomial, ...]:
         terms = _expand(ast.parse(entry.strip().replace("^", "**"), mode="eval").body)
     except (SyntaxError, ValueError, TypeError, ArithmeticError):
         raise EstimatorError(
-            f"cannot read the entry {entry!r}; allowed are names, numbers, + - * /, brackets and "
-            "integer powers, with a single term, not zero, below each fraction line"
+            f"cannot read the entry {entry!r}; it may contain names, numbers, + - * /, brackets "
+            "and integer powers, and each divisor must be a single nonzero term"
         ) from None
     return tuple((c, powers) for c, powers in terms if c != 0)
 

@@ -1,11 +1,11 @@
 """
 The torque of each kind of law over a step, with its derivatives, in compiled code.
 
-Each function writes into ``local``: the torque F and its derivatives with respect to the drive w
-and to s, the law's own state or its load; the state s⁺ at the end of the step and its derivatives
-with respect to w and s; and, from index `ROLE` on, the derivatives of F and s⁺ with respect to the
-law's parameters, in pairs. w is the mean drive over the step. `flexaxis.estimators.models.laws`
-defines laws and roles.
+Each function writes its results into ``local``. The first results are the torque F, the law's own
+state s⁺ at the end of the step, and the derivatives of both with respect to w and s. Here w is the
+mean drive over the step, and s is the law's own state before the step, or its load. From index
+`ROLE` on, ``local`` contains the derivatives of F and s⁺ with respect to each parameter of the law,
+in pairs. `flexaxis.estimators.models.laws` defines laws and roles.
 """
 
 import numpy as np
@@ -20,7 +20,7 @@ BRISTLE, STATIC, GEAR, SPRING, SINUSOID, CLIP = (
 SMALL = 0.1  # largest a for which the relaxation functions are computed as series, to round-off
 FAST = 20.0  # value of v/v_0 above which tanh equals one within round-off
 NEAR = 1e-4  # value of v/v_0 below which x/tanh x equals its series within round-off
-LEAST = 1e-100  # N m, smallest friction level of bristles: 1/level and 1/level² remain finite
+LEAST = 1e-100  # N m, smallest friction level of bristles, so that 1/level² remains finite
 
 
 @inlined
@@ -33,8 +33,8 @@ def force(kind, w, s, u, h, value, local):  # noqa: PLR0917
     kind : int
         Index of the kind in `KINDS`.
     w, s : float
-        Mean drive over the step, and the law's own state before the step or, for a loaded law, the
-        load.
+        Mean drive over the step, and the law's own state before the step. For a law that depends on
+        a load, s is the load.
     u : float
         Input of the model, held constant over the step.
     h : float
@@ -62,7 +62,7 @@ def force(kind, w, s, u, h, value, local):  # noqa: PLR0917
 @inlined
 def _bristle(v, p, h, value, local):
     """
-    Integrate the torque p of the bristles exactly at a constant speed v; F is its mean.
+    Integrate the torque p of the bristles exactly at a constant speed v; F is the mean torque.
 
     With b = σ₀ h v, a = σ₀ h |v|/g and φ₁ = (1−e^−a)/a, φ₂ = (1−φ₁)/a:
     p⁺ = p e^−a + b φ₁, F = p φ₁ + b φ₂ + σ₁/σ₀ (p⁺−p)/h.
@@ -108,7 +108,7 @@ def _sliding(size, value):
 
 @inlined
 def _softened(size, v_0):
-    """Return r = |v|/tanh(|v|/v_0), finite at rest, and its derivatives by |v| and by v_0."""
+    """Return r = |v|/tanh(|v|/v_0), finite at rest, and ∂r/∂|v| and ∂r/∂v_0."""
     if v_0 <= 0.0 or size > FAST * v_0:
         return size, 1.0, 0.0
     x = size / v_0
@@ -139,7 +139,7 @@ def _relaxation(a):
 
 @inlined
 def _static(v, value, local):
-    """F = [f_c + f_s/cosh(α v)] tanh(β v)."""
+    """Compute F = [f_c + f_s/cosh(α v)] tanh(β v)."""
     f_c, f_s, alpha, beta = value[0], value[1], value[2], value[3]
     bell, fall = 1.0 / np.cosh(alpha * v), np.tanh(alpha * v)
     t = np.tanh(beta * v)
@@ -189,9 +189,9 @@ def _gear(v, twist, u, value, local):
 
 @inlined
 def _load(gear, motor, of_gear, of_motor):
-    """Return |L| of the load L, and the derivatives of |L| by the two summands of L."""
+    """Return |L| of the load L, and its derivatives with respect to the two summands of L."""
     load = of_gear * gear + of_motor * motor
-    if load == 0.0:  # if both coefficients are zero, each of them can only grow
+    if load == 0.0:  # if both coefficients are zero, each can only grow
         return 0.0, 1.0 if gear >= 0.0 else -1.0, 1.0 if motor >= 0.0 else -1.0
     side = 1.0 if load > 0.0 else -1.0
     return abs(load), side, side

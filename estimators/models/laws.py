@@ -2,14 +2,14 @@
 Nonlinear laws of an axis as data.
 
 A law describes a torque, its drive, the states on which the torque acts, and its parameters. A law
-adds F(w, θ), multiplied by a formula in the parameters, to the derivatives of some states. The
-drive w of the law is a linear combination of states, or the input. The kinds of law are listed
-here, with the roles of their parameters in brackets:
+adds its torque F(w, θ), multiplied by a formula, to the derivatives of some states. The drive w of
+the law is a linear combination of states, or the input. The list below contains the kinds of law,
+with the roles of their parameters in brackets:
 
 bristle (coulomb, breakaway, stribeck, stiffness, damping, softness)
-    LuGre friction, which approaches Coulomb friction as the bristles become stiff. With the speed v
-    and the torque p of the bristles, ṗ = σ₀ [v − |v| p/g(v)], F = p + σ₁/σ₀ ṗ, and
-    g(v) = [f_c + f_s exp(−(v/v_s)²)] tanh(|v|/v_0). The factor tanh is one if v_0 = 0.
+    LuGre friction, which approaches Coulomb friction as the bristles become stiff. The speed is v
+    and the torque of the bristles is p: ṗ = σ₀ [v − |v| p/g(v)], F = p + σ₁/σ₀ ṗ, and
+    g(v) = [f_c + f_s exp(−(v/v_s)²)] tanh(|v|/v_0). If v_0 = 0, the factor tanh is one.
     C. Canudas de Wit, H. Olsson, K. J. Åström and P. Lischinsky, *A new model for control of
     systems with friction*, IEEE Trans. AC 40 (1995) 419–425.
 static (coulomb, breakaway, alpha, beta)
@@ -42,12 +42,12 @@ from flexaxis.estimators.models.formula import multiply_out
 
 class Role(NamedTuple):
     """
-    The properties of a parameter of a law.
+    The properties of one parameter of a law.
 
     Attributes
     ----------
     size : str
-        Unit in which ``guess`` is expressed: a formula in the sizes defined by
+        Unit of ``guess``: a formula in the sizes defined by
         `flexaxis.estimators.offline.structure`; empty if the value cannot be guessed.
     guess : (4,) tuple of float
         Initial estimate, its standard deviation, and its lower and upper bound, in units of
@@ -84,7 +84,7 @@ class Kind(NamedTuple):
     remembers : bool
         Whether the law has a state of its own.
     rubs : bool
-        Whether the law describes friction, driven by a speed.
+        Whether the law describes friction, whose drive is a speed.
     loaded : bool
         Whether the torque depends on a load: the drive of a law ``spring`` in the same model.
     nominal : (drive, force, rate), optional
@@ -103,9 +103,9 @@ COULOMB = Role("force", (0.05, 0.15, 0.0, 3.0))
 BREAKAWAY = Role("force", (0.02, 0.15, 0.0, 5.0))
 
 # Published and simulated axes lie within one or two standard deviations of these guesses. For the
-# axis of an industrial robot f_c is 0.14 and f_s 0.8 of the rms torque, and friction changes at
+# axis of an industrial robot, f_c is 0.14 and f_s is 0.8 of the rms torque, and friction changes at
 # 0.07 to 0.2 of the rms speed (Wernholt and Gunnarsson 2006). The Coulomb level of bristles has a
-# positive lower bound, because bristles without strength have no stiffness.
+# positive lower bound, because bristles that transmit no torque have no stiffness.
 LAWS: Mapping[str, Kind] = {
     "bristle": Kind(
         {
@@ -186,10 +186,10 @@ class Law:
     drive : mapping of str to float
         Coefficients of the drive w, keyed by the names of states or ``"input"``.
     acts : mapping of str to str
-        Formulas that multiply F in the derivatives of states, keyed by the names of the states:
-        ``"-1/J_m"`` for a torque that brakes the motor.
+        Formulas that multiply F in the derivatives of states, keyed by the names of the states; for
+        example ``"-1/J_m"`` for a torque that brakes the motor.
     parameters : mapping of str to (str or float)
-        Names of parameters of the model, or numbers, keyed by role; 0 by default.
+        Names of parameters of the model, or numbers, keyed by role. A missing role has the value 0.
 
     Raises
     ------
@@ -223,14 +223,14 @@ class Law:
             if isinstance(value, str) or role.signed:
                 continue
             if not value >= 0 or (role.needed and not value > 0):
-                least = "above 0" if role.needed else "0 or above it"
-                raise EstimatorError(f"law {self.kind!r} takes a {name} {least}, not {value!r}")
+                least = "above 0" if role.needed else "at least 0"
+                raise EstimatorError(f"law {self.kind!r}: {name} must be {least}, not {value!r}")
         for formula in self.acts.values():
             multiply_out(formula)
         if not self.drive or not self.acts:
             raise EstimatorError(
                 f"law {self.kind!r} needs a drive, such as drive = {{speed_motor = 1.0}}, and a "
-                'place to act, such as acts = {speed_motor = "-1/J_m"}'
+                'state to act on, such as acts = {speed_motor = "-1/J_m"}'
             )
 
     @property

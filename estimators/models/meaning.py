@@ -1,5 +1,5 @@
 """
-The meaning of a model's parameters, derived from their positions in the model, not their names.
+The meaning of a model's parameters, derived from their positions and not from their names.
 
 For example, Coulomb friction is the parameter with the role ``coulomb`` in a law, and the
 parameters of springs and dampers couple states and are divided by an inertia.
@@ -18,13 +18,17 @@ from flexaxis.estimators.models.model import Model
 LEVELS = ("coulomb", "breakaway", "motor", "external", "motor_slow", "external_slow")
 """Roles of friction levels: a friction law has no effect if all these parameters are zero."""
 LEARNT = ("k_g", "J_m", "k_a", "d_g", "d_a")
-"""Structural parameters of the three-mass axis in the order of the estimates; others follow."""
+"""Structural parameters of the three-mass axis, in the order of the estimates; others follow."""
 
 
 def shapes_of_friction(
     model: Model, names: Sequence[str]
 ) -> dict[tuple[str, ...], tuple[str, ...]]:
-    """Return the shape parameters of each friction law with parameters in names, by its levels."""
+    """
+    Return the parameters of each friction law except its first level, keyed by its levels.
+
+    Only parameters in ``names`` are included.
+    """
     shapes = {}
     for law in model.laws:
         levels = [law.own[role] for role in LEVELS if law.own.get(role) in names]
@@ -50,11 +54,11 @@ def structure(model: Model) -> tuple[str, ...]:
     """
     Return the parameters of a linear model that are learnt once: springs, dampers and one inertia.
 
-    The nominal values of these parameters are usually computed and not measured, and the
+    The nominal values of these parameters are usually computed instead of measured, and the
     parameters do not change in use. Springs and dampers act between states. If the model contains
     springs or dampers, the inertia on which the input acts is included, because the modes determine
-    its ratio to the other inertias. A model with a single inertia leaves the scale of all torques
-    undetermined.
+    its ratio to the other inertias. In a model with a single inertia, the scale of all torques is
+    undetermined, so the inertia is not included.
     """
     n, terms = len(model.states), list(replace(model, laws=()).monomials())
     springs, inertias = [], []
@@ -72,12 +76,13 @@ def structure(model: Model) -> tuple[str, ...]:
 
 NEAR = 2.5
 """
-Largest ratio between the poles of a model and of the nominal axis that count as the same.
+Largest ratio, in either direction, between the poles of a model and of the nominal axis.
 
-A model with parameters at half or twice the true values still counts as the same axis. For
-comparison, the motor of the stress case "n2" coasts 11 times as long as the motor of "n1".
+Up to this ratio both count as the same axis. The ratio allows for parameters at half or twice their
+true values. For comparison, the motor of the stress case "n2" coasts 11 times as long as the motor
+of "n1".
 """
-STARTED = 4.0  # largest ratio between the start of an identified parameter and its nominal value
+STARTED = 4.0  # largest ratio between the initial estimate of a parameter and its nominal value
 SAME = 1e-9  # relative tolerance for the values of all other parameters
 
 
@@ -103,7 +108,7 @@ def is_nominal_axis(model: Model, identify: Sequence[str]) -> bool:
 
 
 def moves_as_nominal(model: Model) -> bool:
-    """Return whether a model has about the same poles as the nominal axis, in any units."""
+    """Return whether a model has about the same poles as the nominal axis, regardless of units."""
     rates, reference = (np.sort(np.abs(_poles(m))) for m in (model, three_mass(N1)))
     if len(rates) != len(reference) or not rates.all():
         return False

@@ -31,7 +31,7 @@ class Memory:
         Arrays of float64, of int64 or of records of these types. If an array is called ``now``, the
         fields of its records can also be read and written by name.
     times : int, optional
-        Number of copies of the arrays, stored as rows of ``block``; each array then has an
+        Number of copies of the arrays, stored as rows of ``block``. Each array then has an
         additional first dimension.
 
     Attributes
@@ -39,7 +39,7 @@ class Memory:
     block : (size,) or (times, size) array
         Content of all arrays.
     at : (fields, 4) int array
-        Start and shape of each array in a block; the shape is padded with 1.
+        Start and shape of each array in a block; shapes are padded with ones.
     """
 
     def __init__(self, arrays: Mapping[str, NDArray[Any]], times: int | None = None) -> None:
@@ -76,7 +76,7 @@ class Memory:
 
 
 def numbers(kind: np.dtype, values: Mapping[str, Any]) -> NDArray[np.void]:
-    """Return a record (1,) of a type with the values given; all other fields are zero."""
+    """Return a record (1,) with the given values; all other fields are zero."""
     made = np.zeros(1, kind)
     for name, value in values.items():
         made[name] = value
@@ -106,7 +106,7 @@ def views(kind: Any, block: NDArray[np.float64], at: NDArray[np.int64]) -> Any:
 
 
 def _view(dtype: np.dtype, dimensions: int) -> Callable:
-    """Return a function of block, ``at`` and row that returns one view, and can be compiled."""
+    """Return a function of block, ``at`` and row that returns one view and can be compiled."""
     words = dtype.itemsize // 8
 
     # A compiled function without reference counting can return a view only in a tuple.
@@ -119,7 +119,7 @@ def _view(dtype: np.dtype, dimensions: int) -> Callable:
             return (flat.reshape((a, b)),)
         return (flat.reshape((a, b, c)),)
 
-    # Cached functions are linked by name and type of the arguments, not by what they return.
+    # Numba links cached functions by name and argument types, regardless of the return type.
     view.__qualname__ = f"view_{dimensions}_{crc32(str(dtype).encode())}"
     return view
 

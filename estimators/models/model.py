@@ -1,10 +1,10 @@
 """
-A grey-box model as data: A, B and C as tables of readable entries, and nonlinear laws.
+A grey-box model as data: tables of formulas for A, B and C, and nonlinear laws.
 
-Every entry is a formula in the physical parameters, such as ``"-(r^2*d_g + f_m)/J_m"``. Each
-formula is multiplied out into monomials ``c·Πθ^e``. The matrices at any θ, their derivatives and
-the tables of the compiled filters are computed from these monomials, for any choice of identified
-parameters.
+Every entry of a table is a formula in the physical parameters, such as ``"-(r^2*d_g + f_m)/J_m"``.
+Each formula is multiplied out into monomials ``c·Πθ^e``. The matrices at any θ, their derivatives
+and the tables of the compiled filters are computed from these monomials, for any choice of
+identified parameters.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -42,8 +42,8 @@ class Model:
     reset : sequence of str
         States that are set to zero, with their sensitivities, at the start of every sample.
     positive, nonnegative, nonzero : sequence of str
-        Names of the parameters with a nominal value that must be positive, must not be negative, or
-        must not be zero.
+        Names of the parameters whose nominal value must be positive, must not be negative, or must
+        not be zero.
     identify : sequence of str
         Parameters that are identified by default.
     fixed : sequence of str
@@ -83,8 +83,8 @@ class Model:
         n = len(self.states)
         if [len(self.A), len(self.B), len(self.C), *map(len, self.A)] != [n] * (n + 3):
             raise EstimatorError(
-                f"model {self.name!r} has {n} states, so A takes {n} rows of {n} entries, "
-                f"and B and C take {n} entries each"
+                f"model {self.name!r} has {n} states, so A needs {n} rows of {n} entries, "
+                f"and B and C need {n} entries each"
             )
         for law in self.laws:
             for state in (*law.acts, *law.drive):
@@ -96,7 +96,7 @@ class Model:
             if LAWS[law.kind].loaded and "spring" not in {other.kind for other in self.laws}:
                 raise EstimatorError(
                     f"law {law.kind!r} depends on the drive of a law 'spring', and model "
-                    f"{self.name!r} has no such law; add one, in which cubic and gap may be 0"
+                    f"{self.name!r} has no such law; add one (cubic and gap may be 0)"
                 )
         for name in self.parameters:
             if not np.isfinite(self.nominal.get(name, np.nan)):
@@ -121,7 +121,7 @@ class Model:
         nonnegative = [name for role, name in own if not role.signed]
         for names, allowed, words in (
             ([*self.positive, *positive], np.greater, "above 0"),
-            ([*self.nonnegative, *nonnegative], np.greater_equal, "0 or above it"),
+            ([*self.nonnegative, *nonnegative], np.greater_equal, "at least 0"),
             (self.nonzero, np.not_equal, "other than 0"),
         ):
             for name in names:
@@ -140,7 +140,7 @@ class Model:
 
     @property
     def law_parameters(self) -> frozenset[str]:
-        """Names of the laws' parameters, which may have the value zero."""
+        """Names of the parameters of all laws; these parameters may be zero."""
         return frozenset(name for law in self.laws for name in law.names)
 
     def monomials(self) -> Iterator[tuple[int, int, Monomial]]:
@@ -163,7 +163,7 @@ class Model:
 
     def parametrize(self, identify: Sequence[str] | None = None) -> "Parametrization":
         """
-        Choose the parameters to identify; all others are replaced by their nominal values.
+        Select the parameters to identify; nominal values replace all other parameters.
 
         Parameters
         ----------
@@ -193,7 +193,7 @@ class Model:
                 )
             if name != asked and name in of_laws:
                 raise EstimatorError(
-                    f"{asked!r} cannot be identified: a law depends on {name}; name {name!r} itself"
+                    f"{asked!r} cannot be identified: a law depends on {name}; identify {name!r}"
                 )
             if physical.count(name) > 1:
                 raise EstimatorError(

@@ -25,11 +25,12 @@ LAW = np.dtype(
 """
 A law as a record.
 
-``kind`` is the index in `KINDS`. ``memory`` and ``load`` are the indices of the law's own state and
-of the law that acts as its load, or −1. ``force`` is the last torque; ``offset``, ``change`` and
-``reach`` are used by the search in `reaction`. For each role, ``parameter`` is the index of a θ_i
-and ``value`` a factor of θ_i; if ``parameter`` is −1, ``value`` is the value of the parameter.
-``roles`` contains the parameters at θ, and ``local`` the torque and its derivatives.
+``kind`` is the index in `KINDS`. ``memory`` is the index of the law's own state, and ``load`` is
+the index of the law that acts as its load; both may be −1 for none. ``force`` is the last torque;
+``offset``, ``change`` and ``reach`` are used by the search in `reaction`. For each role,
+``parameter`` is the index i of an identified parameter, and ``value`` is a factor of θ_i. If
+``parameter`` is −1, ``value`` is the value of the parameter itself. ``roles`` contains the
+parameters of the law at θ, and ``local`` contains the torque and its derivatives.
 """
 
 
@@ -133,7 +134,7 @@ class Parametrization:
 
     def relative(self, scale: ArrayLike) -> "Parametrization":
         """
-        Return the same model as a function of θ/scale, which has no units.
+        Return the same model as a function of θ/scale, which is dimensionless.
 
         Parameters
         ----------

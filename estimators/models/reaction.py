@@ -1,11 +1,12 @@
 """
-The torques of the laws in a step of a model, held constant over the step and solved implicitly.
+An implicit solution for the torques of the laws, which are held constant over a step.
 
-Over a step of length h the linear part is exact for constant torques F, x⁺ = Φ x + Γ_u u + Γ_F F.
-Every law uses the mean of its drive at both ends of the step, w̄ = ½ D (x + x⁺). Therefore
-w̄ = c + G F(w̄) with c = ½ D (x + Φ x + Γ_u u) and G = ½ D Γ_F. The equations of all laws are solved
-together. The scheme is of second order, and stable for any stiffness of the friction. The
-derivatives are exact; they follow from (I − G F_w) w̄' = c' + G' F + G (F_s s' + F_θ).
+Over a step of length h, the linear part is integrated exactly for constant torques F:
+x⁺ = Φ x + Γ_u u + Γ_F F. Every law uses the mean of its drive at both ends of the step,
+w̄ = ½ D (x + x⁺). Therefore w̄ = c + G F(w̄) with c = ½ D (x + Φ x + Γ_u u) and G = ½ D Γ_F. The
+equations of all laws are solved together. The scheme is of second order and is stable for any
+stiffness of the friction. The derivatives are exact and follow from
+(I − G F_w) w̄' = c' + G' F + G (F_s s' + F_θ).
 """
 
 import numpy as np
@@ -17,20 +18,21 @@ from flexaxis.estimators.models.parametrization import F_S, F_W, ROLE, S_S, S_W,
 from flexaxis.estimators.models.rows import add, add_slopes
 
 MOST_STEPS = 100  # largest number of steps of the search; two or three usually suffice
-TURNS = 6  # steps of Newton's method after which falling laws are treated as flat: between two
-# solutions the method does not converge, and each step doubles the rounding error
-CLOSE = 1e-3  # step size relative to w̄ below which Newton's method may finish the search
-AWAY = 8.0  # largest ratio of successive steps of Newton's method after that: of 60 000 steps with
-# steep bristles 2 remain unsolved, or 11 if the limit is 1; without a limit, rounding errors grow
-# by a factor of 10⁸
-CONVERGED = 1e-7  # last step relative to w̄; the relative error is about the square of this value
-LEAST = 1e-150  # smallest scale: dividing by the scale or by its square does not overflow
+TURNS = 6  # number of Newton steps after which torques that fall with their drive count as
+# constant: between two solutions the method does not converge, and each step doubles the rounding
+# error
+CLOSE = 1e-3  # size of a step relative to w̄ below which Newton's method may finish the search
+AWAY = 8.0  # largest ratio of successive Newton steps after the first TURNS. Of 60 000 steps with
+# steep bristles, 2 remain unsolved; with a limit of 1, 11 remain unsolved. Without a limit,
+# rounding errors grow by a factor of 10⁸
+CONVERGED = 1e-7  # size of the last step relative to w̄; the relative error is about its square
+LEAST = 1e-150  # smallest scale, so that dividing by the scale or its square does not overflow
 LEAST_SHARE = 1 / 64  # smallest fraction of a step if the steps reverse without becoming smaller
 
 
 @fused
 def half_drives(drive, X, u, w):
-    """Compute w = ½ D [x; u] (L, lanes) with derivatives, from the states X (≥ n, lanes)."""
+    """Compute w = ½ D [x; u] (L, lanes) and its derivatives from the states X (≥ n, lanes)."""
     n = drive.shape[1] - 1
     for i in range(len(drive)):
         w[i] = 0.0
@@ -58,13 +60,13 @@ def react(axis, h, u, X):
     Parameters
     ----------
     axis : Axis
-        Arrays of the model. ``laws`` (L,) contains the parameters at θ; ``drive`` (L, n+1) the
-        coefficients D of the n states and of the input in the drives of the laws; ``response``
-        (L, N, lanes) the change Γ_F of each row of X caused by a torque of one that is held over
-        the step; ``coupling`` (L, L, lanes) the columns of G = ½ D Γ_F; and ``lanes[0]`` (L, lanes)
-        half of the drives before the step. Overwritten are the mean drives w̄, ``lanes[1]``, and
-        torques F, ``lanes[2]``, all with derivatives, and ``work`` (L, 2 L), the right half of
-        which becomes (I − G F_w)⁻¹.
+        Arrays of the model. ``laws`` (L,) contains the parameters at θ. ``drive`` (L, n+1) contains
+        the coefficients D of the n states and of the input in the drives of the laws. ``response``
+        (L, N, lanes) contains the change Γ_F of each row of X caused by a torque of one that is
+        held over the step. ``coupling`` (L, L, lanes) contains the columns of G = ½ D Γ_F.
+        ``lanes[0]`` (L, lanes) contains half of the drives before the step. The function overwrites
+        the mean drives w̄ in ``lanes[1]`` and the torques F in ``lanes[2]``, both with derivatives.
+        It also overwrites ``work`` (L, 2 L), whose right half becomes (I − G F_w)⁻¹.
     h : float
         Length of the step [s].
     u : float
@@ -115,7 +117,7 @@ def _differentiate(laws, coupling, work, X, mean, torque):  # noqa: PLR0917
 
 @fused
 def _add_parameters(law, which, A, i):
-    """Add to A_i the derivatives of a law's torque (0) or state (1) by the law's parameters."""
+    """Add to A_i the derivatives of a law's torque (0) or state (1) with respect to θ."""
     for r in range(MOST_ROLES):
         if law["parameter"][r] >= 0:
             A[i, 1 + law["parameter"][r]] += law["local"][ROLE + 2 * r + which] * law["value"][r]
@@ -143,8 +145,8 @@ def _search(laws, h, u, X, coupling, work, mean):  # noqa: PLR0917
     """
     Solve w̄ = c + G F(w̄) by Newton's method, starting with the torques of the previous step.
 
-    If friction falls steeply with speed, there may be several solutions and none near the start.
-    In that case w̄ moves in the direction of the residual, usually to the next stable solution.
+    If friction falls steeply with speed, there may be several solutions, and none near the start.
+    In that case, w̄ moves in the direction of the residual, usually to the next stable solution.
 
     ``mean[:, 0]`` contains c at the start and w̄ at the end. At the end, ``local`` of each law is
     evaluated at w̄, and the right half of ``work`` is (I − G F_w)⁻¹.
@@ -158,7 +160,7 @@ def _search(laws, h, u, X, coupling, work, mean):  # noqa: PLR0917
             mean[i, 0] += coupling[j, i, 0] * laws[j]["force"]
             law["reach"] += abs(coupling[j, i, 0] * laws[j]["force"])
     for i in range(L):
-        laws[i]["force"] = 0.0  # used to store the last step during the search
+        laws[i]["force"] = 0.0  # stores the last step during the search
     last, share, lost, ended = np.inf, 1.0, False, False
     for n in range(MOST_STEPS):
         for i in range(L):
@@ -175,7 +177,7 @@ def _search(laws, h, u, X, coupling, work, mean):  # noqa: PLR0917
             break
         size = _newton(laws, coupling, work, mean)
         if n > TURNS and not flat and size > AWAY * last:
-            lost = True  # no solution is so near, or the solution is at the edge of a steep fall
+            lost = True  # no solution is that close, or the solution is at a steep fall
             continue
         # after a fraction s of a step, 1 − s of the distance remains if the laws are linear
         nears = _goes_on(laws) if flat else size <= (1.0 - 0.5 * share) * last
@@ -204,7 +206,7 @@ def _differences(laws, coupling, flat, work):
 
 @inlined
 def _goes_on(laws):
-    """Return whether a flat step goes in the direction of the last one, and store the step."""
+    """Store a flat step, and return whether it has the same direction as the previous one."""
     forth = 0.0
     for i in range(len(laws)):
         law = laws[i]

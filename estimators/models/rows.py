@@ -1,5 +1,5 @@
 """
-Operations on rows of a matrix, four numbers at a time; the length of a row is a multiple of four.
+Operations on rows of a matrix, four numbers at a time; row lengths are multiples of four.
 
 The compiler turns the loops into vector instructions. Indices are unsigned, because numba checks
 signed indices for negative values, which prevents vectorisation.
@@ -43,7 +43,7 @@ def add(A, i, m, B, j):
 
 @_on_rows
 def add_slopes(A, i, m, B, j):
-    """Add derivatives as `add` does, but keep the first number of row A_i, the value itself."""
+    """Add derivatives as `add` does, but keep the first number of row A_i, which is the value."""
     if m != 0.0:
         value = A[i, 0]
         add(A, i, m, B, j)

@@ -1,9 +1,9 @@
 """
-Integration of a model over a sample, with derivatives by θ and by the state, eq. (17)–(24).
+Integration of a model over a sample, with derivatives, eq. (17)–(24).
 
 A model is represented by the block matrix N = [A B; 0 0] T/s and the output row C. Both are stored
-as tables of terms c Πθ^e. The powers of N are computed once per sample. The transition and its
-derivative with respect to each entry of N follow from these powers:
+as tables of terms c Πθ^e. The powers of N are computed once per sample. These powers determine the
+transition and its derivative with respect to each entry of N:
 
     Φ(θ) = Σ_k N^k/k!                                            transition of [x; u], (20)
     ∂Φ/∂N_rc ξ = Σ_j N^j e_r g_jc,  g_j = Σ_k (N^k ξ)/(j+k+1)!   its derivative by an entry of N
@@ -11,10 +11,10 @@ derivative with respect to each entry of N follow from these powers:
     ψ_i = C z_i + ∂C/∂θ_i x⁺                                     gradient, (16), (24)
 
 Each row of X (n+1, lanes) contains a state and its derivatives; the last row contains the output
-and its derivatives. The derivatives are taken with respect to each θ and, if a filter needs them,
-to the state at the start of the sample. The last states are the torques of the laws, which the
-linear part holds constant. `flexaxis.estimators.models.discretisation` computes the same using a
-matrix exponential.
+and its derivatives. The derivatives are taken with respect to each θ_i and, if a filter needs them,
+with respect to the state at the start of the sample. The last states are the torques of the laws,
+which the linear part holds constant. `flexaxis.estimators.models.discretisation` computes the same
+transition with a matrix exponential.
 """
 
 from typing import Annotated, NamedTuple
@@ -31,7 +31,7 @@ from flexaxis.estimators.models.rows import add, copy, padded, product
 SIZES = np.dtype(
     [(name, int) for name in ("n", "held", "order", "parts", "steps", "output")] + [("h", float)]
 )
-"""Number of all states, and of the states that are not torques of laws; order of the series;
+"""Fields: number of all states; number of states that are not torques of laws; order of the series;
 substeps per step; steps per sample; index of the first entry of C; length of a step [s]."""
 ENTRY = np.dtype(
     [(name, int) for name in ("row", "column", "first", "last")]
@@ -40,7 +40,7 @@ ENTRY = np.dtype(
 """A term c Πθ^e of [A B; C 0]: its position, the range of its slopes, c, and its value at θ. Terms
 are sorted by column; the terms of C come last."""
 SLOPE = np.dtype([("entry", int), ("theta", int), ("power", int), ("value", float)])
-"""A factor θ_i^e of a term, and the derivative of the term with respect to θ_i."""
+"""A factor θ_i^e of a term, with the derivative of the term with respect to θ_i."""
 
 INVERSE_FACTORIALS = 1.0 / np.cumprod(np.arange(1.0, 82.0))
 SERIES = INVERSE_FACTORIALS[np.add.outer(np.arange(40), np.arange(40))]  # 1/(j+k+1)!
@@ -49,7 +49,7 @@ EXPONENTIAL = np.append(1.0, INVERSE_FACTORIALS)[:, None]  # 1/k!
 
 class Axis(NamedTuple):
     """
-    A model with the arrays that are needed to integrate the model over a sample.
+    A model with the arrays that are needed to integrate it over a sample.
 
     Attributes
     ----------
@@ -91,7 +91,7 @@ def axis_arrays(
     model: Parametrization, plan: tuple[int, int, int], period: float, lanes: int
 ) -> dict[str, NDArray]:
     """
-    Return the arrays of an `Axis`, by name.
+    Return the arrays that form an `Axis`, keyed by name.
 
     Parameters
     ----------
@@ -134,7 +134,7 @@ def axis_arrays(
 
 
 def _tables(model: Parametrization, length: float) -> tuple[NDArray, NDArray]:
-    """Return the terms of a model for a substep of some length [s], and the slopes of the terms."""
+    """Return the terms of a model for a substep of the given length [s], and their slopes."""
     scale = np.where(model.row < model.n, length, 1.0)  # the output row C is not integrated
     places = model.row == model.n, model.column, model.row
     keys, which = np.unique(np.column_stack([*places, model.exponent]), axis=0, return_inverse=True)
@@ -165,7 +165,7 @@ def evaluate(entries, slopes, theta):
 
 @fused
 def powers(entries, output, order, Q):
-    """Write the columns of all N^k and then those of Φ = Σ N^k/k!, eq. (20)."""
+    """Write the columns of all powers N^k, and then those of Φ = Σ N^k/k!, eq. (20)."""
     columns = len(Q) // (order + 2)
     for last in range(0, order * columns, columns):  # Q contains N⁰ from the start
         now = last + columns
@@ -178,7 +178,7 @@ def powers(entries, output, order, Q):
 
 @fused
 def effects(entries, output, held, order, Q, xi, trail, g, effect):  # noqa: PLR0917
-    """Write ∂Φ/∂N_rc ξ for each term that depends on θ."""
+    """Write the product ∂Φ/∂N_rc ξ for each term that depends on θ."""
     columns = len(Q) // (order + 2)
     for i in range(held):
         trail[0, i] = xi[i, 0]
@@ -214,8 +214,8 @@ def _part(axis, u, law, X):
     """
     Integrate X over a substep: x⁺ = Φ [x; u], z_i⁺ = Φ z_i + ∂Φ/∂θ_i [x; u].
 
-    The input u and the torques of the laws are held constant. The torque of one law is one; all
-    others, or all if ``law`` is −1, are zero.
+    The input u and the torques of the laws are held constant. The torque of the law with the index
+    ``law`` is one, and all others are zero. If ``law`` is −1, all torques are zero.
     """
     slopes, Q, xi, effect, moved = axis.slopes, axis.Q, axis.point, axis.effect, axis.after
     sizes = axis.sizes[0]
@@ -241,13 +241,13 @@ def _part(axis, u, law, X):
 
 
 LAWS = 1
-"""Value of the argument ``laws`` for a model with laws. For a linear model it is None, so that the
-compiled loop contains no code for laws."""
+"""Value of the argument ``laws`` for a model with laws. For a linear model the argument is None, so
+that the compiled loop contains no code for laws."""
 
 
 @inlined
 def over_sample(axis, theta, X, u, laws):
-    """Integrate X over a sample at θ with u held, eq. (17)–(23); laws act at the end of a step."""
+    """Integrate X over a sample at θ with u held, eq. (17)–(23); add the laws after each step."""
     entries, slopes, sizes = axis.entries, axis.slopes, axis.sizes[0]
     drive, response, output, parts = axis.drive, axis.response, sizes["output"], sizes["parts"]
     evaluate(entries, slopes, theta)

@@ -1,4 +1,4 @@
-"""Simulation of a model with fixed parameters and its sensitivities, as in the filters."""
+"""Simulation of a model and its sensitivities at fixed parameters, as in the filters."""
 
 from typing import NamedTuple
 
@@ -14,11 +14,11 @@ from flexaxis.estimators.models.series import LAWS, Axis, axis_arrays, over_samp
 
 Array = NDArray[np.float64]
 
-LEAST = 1e-300  # replaces a parameter of the linear model that is zero
+LEAST = 1e-300  # value that replaces a zero parameter of the linear model
 
 
 class Simulation(NamedTuple):
-    """The model, θ (p,), and X (n+1, lanes): states and output (last row) with derivatives."""
+    """The model, θ (p,), and X (n+1, lanes): states, output (last row) and their derivatives."""
 
     axis: Axis
     theta: Vector
@@ -34,7 +34,7 @@ def simulation(
     further: int = 0,
 ) -> Memory:
     """
-    Return the simulation of a model at θ, initially at rest, with derivatives with respect to θ.
+    Return the simulation of a model and its derivatives at θ, starting at rest.
 
     Parameters
     ----------
@@ -46,7 +46,8 @@ def simulation(
     steps : int, optional
         Number of steps per sample for a model with laws; by default the number used in the filters.
     further : int
-        Number of additional derivatives, such as those with respect to the initial state.
+        Number of derivatives in addition to those with respect to θ, such as derivatives with
+        respect to the initial state.
     """
     theta = np.asarray(theta, float)
     theta = np.where((theta == 0) & ~np.array(model.additive), LEAST, theta)
@@ -56,7 +57,7 @@ def simulation(
 
 
 def along(simulated: Memory, u: Array) -> Array:
-    """Advance the states by N torques; return the output and its derivatives (N, lanes)."""
+    """Simulate N samples with the torques u; return the output and its derivatives (N, lanes)."""
     rows = np.zeros((len(u), simulated["X"].shape[1]))
     _along(simulated.block, simulated.at, u, rows, LAWS if len(simulated["laws"]) else None)
     return rows

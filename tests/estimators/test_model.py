@@ -91,7 +91,7 @@ def test_choices_that_cannot_be_made(nominal, identify, message):
         for name, shipped in MODELS.items()
         for parameters, values, words in (
             (shipped.factory(shipped.rough).positive, (-1e-3, 0.0), "above 0"),
-            (shipped.factory(shipped.rough).nonnegative, (-1e-3,), "0 or above it"),
+            (shipped.factory(shipped.rough).nonnegative, (-1e-3,), "at least 0"),
             (shipped.factory(shipped.rough).nonzero, (0.0,), "other than 0"),
         )
         for parameter in parameters

@@ -88,7 +88,7 @@ def test_a_memory_far_shorter_than_the_axis_s_own_is_said(nominal):
     light = nominal | {"f_m": 1.3e-4, "f_g": 0.0, "f_a": 0.0}
     make = partial(registry.REGISTRY["rpem-forgetting"].factory, period=0.005, P0=np.eye(3))
     with pytest.warns(
-        UserWarning, match=r"remembers 1 s .* time constant of 1[0-9]\.?[0-9]* s"
+        UserWarning, match=r"memory of 1 s .* time constant of 1[0-9]\.?[0-9]* s"
     ) as told:
         make(light)
     enough = float(str(told[0].message).split("forgetting=")[1].split()[0])
