@@ -84,7 +84,8 @@ def judged(
          "viscous friction; use --friction auto"),
         ("problem", lost,
          f"{100 * missing:.0f} % of the samples are missing, in {gaps} gaps with unknown torque; "
-         "the estimates are wrong; log without loss, or use a part with --rows A:B"),
+         "the estimates are wrong; log without loss, use a part with --rows A:B, or, if only the "
+         "time stamps are rounded, give --rate HZ"),
         *(("problem", True, _change(one, period)) for one in changes[:1]),
         *_unseen(search, chosen),
         ("problem", free and lag >= max(setup.latest * (1 - 1e-9), EARLY * sd),
