@@ -1,4 +1,4 @@
-"""The file of an axis, which `identify` writes: model, nominal values, delay and noise filter."""
+"""Read and write an axis file, which contains a model, nominal values, delay and noise filter."""
 
 from __future__ import annotations
 
@@ -23,39 +23,39 @@ from flexaxis.sim.record import Record
 Array = NDArray[np.float64]
 
 _MODEL = ("model", "name", "states", "A", "B", "C")
-SAME_RATE = 0.01  # largest relative difference of sampling rates at which a noise filter is valid
+SAME_RATE = 0.01  # maximum relative difference between two sampling rates that count as equal
 
 
 @dataclass(frozen=True)
 class Axis:
-    """An axis: its model, and results of its identification from a log.
+    """The model of an axis, and the results of its identification from a log.
 
     Attributes
     ----------
     model : Model
-        Model with its nominal values.
+        Model with nominal values.
     tables : dict
-        Tables of the TOML file that define the model, without its nominal values.
+        Tables of the TOML file that define the model, except the nominal values.
     known : bool
-        Whether the nominal values are given or identified; if not, they are a rough guess.
+        True if the nominal values are given or identified, False if they are a rough guess.
     delay : float
         Delay of the torque [s].
     whitening : tuple of float
-        Coefficients of the filter that makes the residuals white; (1,) without a filter.
+        Coefficients of the filter that makes the residuals white. The default (1,) is no filter.
     noise : float or None
-        Standard deviation of the whitened residuals [rad/s], if known.
+        Standard deviation of the whitened residuals [rad/s], or None if it is unknown.
     error : float or None
-        Standard deviation of the error of a simulation of held-out pieces [rad/s], if known.
+        Rms simulation error in held-out pieces of the log [rad/s], or None if it is unknown.
     offset : float
         Constant additional torque, in the unit of the logged torque.
     rate : float or None
-        Sampling rate of the log that identified the axis [Hz], if known; the whitening filter and
-        the noise are valid for this rate.
+        Sampling rate [Hz] of the log from which the axis was identified, or None if it is unknown.
+        The whitening filter and the noise are valid only for this rate.
     deviation : mapping of str to float
-        Standard deviations of those nominal values for which they are known.
+        Known standard deviations of nominal values.
     beside : mapping of str to float
-        Gains of additional torques, in the unit of the logged torque: `g_sin` multiplies −sin φ
-        and `g_cos` multiplies −cos φ, where φ is the load angle (gravity).
+        Gains of the gravity torque, in the unit of the logged torque. The gain `g_sin` multiplies
+        −sin φ and the gain `g_cos` multiplies −cos φ, where φ is the load angle.
     """
 
     model: Model
@@ -72,7 +72,7 @@ class Axis:
 
     @property
     def usual(self) -> float | None:
-        """Usual error of a simulation [rad/s]; the noise if this error is unknown."""
+        """Expected simulation error [rad/s]: `error` if it is known, else `noise`."""
         return self.noise if self.error is None else self.error
 
     def having(self, values: Mapping[str, float]) -> Axis:
@@ -81,14 +81,14 @@ class Axis:
             if name not in self.model.parameters:
                 raise LogError(
                     f"model {self.model.name} has no parameter {name!r}."
-                    f"{did_you_mean(name, self.model.parameters)} It has "
+                    f"{did_you_mean(name, self.model.parameters)} The parameters are "
                     f"{', '.join(self.model.parameters)}"
                 )
         nominal = dict(self.model.nominal) | dict(values)
         return replace(self, model=replace(self.model, nominal=nominal))
 
     def check_rate(self, period: float) -> None:
-        """Reject a log if its sampling rate differs from that of the noise filter.
+        """Reject a log whose sampling rate differs from the rate of the noise filter.
 
         Raises
         ------
@@ -97,18 +97,18 @@ class Axis:
         """
         if not self.known:
             raise LogError(
-                f"model {self.model.name} has no nominal values: give the file that `flexaxis "
-                "identify` wrote"
+                f"model {self.model.name} has no nominal values. Use the axis file that `flexaxis "
+                "identify` writes"
             )
         if self.rate is not None and abs(self.rate * period - 1) > SAME_RATE:
             raise LogError(
-                f"the axis was identified at {self.rate:.6g} Hz, and its noise filter is valid for "
-                f"this rate only; the log has {1 / period:.6g} Hz: import it with --resample "
-                f"{self.rate:.6g}, or identify the axis again from a log at its new rate"
+                f"the axis was identified at {self.rate:.6g} Hz, and its noise filter is valid "
+                f"only for this rate. The sampling rate of the log is {1 / period:.6g} Hz. Import "
+                f"the log with --resample {self.rate:.6g}, or identify the axis at the new rate"
             )
 
     def save(self, path: Path) -> None:
-        """Write the axis as TOML."""
+        """Write the axis to a TOML file."""
         content = dict(self.tables) | {"nominal": dict(self.model.nominal)}
         for key, usual in _Keys():
             if (value := getattr(self, key)) != usual:
@@ -123,12 +123,12 @@ class Axis:
 
 
 def find_axis(text: str) -> Axis:
-    """Return an axis, given the name of a shipped model or the path of a TOML file.
+    """Return the axis of a built-in model, or the axis that a TOML file describes.
 
     Raises
     ------
     LogError
-        If there is no such model or file, or if the file contains an error.
+        If the model or the file does not exist, or if the file contains an error.
     """
     if text in MODELS:
         shipped = MODELS[text]
@@ -136,8 +136,8 @@ def find_axis(text: str) -> Axis:
     path = Path(text)
     if path.suffix != ".toml":
         raise LogError(
-            f"unknown model {text!r}.{did_you_mean(text, MODELS)} Shipped are "
-            f"{', '.join(MODELS)}; your own is a path to a .toml file"
+            f"unknown model {text!r}.{did_you_mean(text, MODELS)} The built-in models are "
+            f"{', '.join(MODELS)}. For your own model, give the path of a .toml file"
         )
     tables = read_toml(path, LogError)
     kept = {key: tables[key] for key in (*_MODEL, "law") if key in tables}
@@ -150,7 +150,7 @@ def find_axis(text: str) -> Axis:
 
 
 class _Keys(BaseModel):
-    """The keys of a file that do not define the model."""
+    """The keys of an axis file that do not define the model."""
 
     model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
 
@@ -165,17 +165,17 @@ class _Keys(BaseModel):
 
 
 def valid_of(record: Record) -> NDArray[np.bool_]:
-    """Return the samples (N,) of a record whose output is valid."""
+    """Return flags (N,) that are True for the samples of a record with a valid output."""
     return np.ones(len(record.time), bool) if record.valid is None else record.valid
 
 
 def usable(record: Record) -> NDArray[np.bool_]:
-    """Return the samples (N,) of a record whose output is valid and that follow the burn-in."""
+    """Return flags (N,) that are True for the samples with a valid output after the burn-in."""
     return valid_of(record) & (record.time - record.time[0] >= record.burn_in)
 
 
 def output_of(record: Record) -> tuple[str, NDArray[np.float64]]:
-    """Return name and values (N,) of the output: the increment if known, else the speed."""
+    """Return the name and values (N,) of the output: the increment if it exists, else the speed."""
     if record.increment is None:
         return "speed", np.asarray(record.speed)
     return "increment", record.increment

@@ -1,10 +1,10 @@
-"""Find steps and drifts of parameters in a sequence of estimates, and within a record.
+"""Find steps and drifts of parameters in a sequence of estimates or in a record.
 
 The estimates of n windows or logs are modelled as the sum of a level, the effects of covariates
-and at most one change. The change is a cubic polynomial, or a step at the position with the
-greatest likelihood ratio (M. Basseville and I. Nikiforov, *Detection of Abrupt Changes*, 1993,
-section 2.4). A threshold from the F distribution, with Bonferroni's bound for the number of
-positions, keeps the probability of a false alarm below the chosen limit.
+and at most one change. The change is a drift (a cubic polynomial) or a step. The step is at the
+position with the greatest likelihood ratio (M. Basseville and I. Nikiforov, *Detection of Abrupt
+Changes*, 1993, section 2.4). A threshold from the F distribution, with a Bonferroni correction for
+the number of positions, keeps the probability of a false alarm below the chosen limit.
 """
 
 from __future__ import annotations
@@ -23,39 +23,40 @@ Flags = NDArray[np.bool_]
 Kind = Literal["constant", "step", "drift"]
 Look = Callable[[Array], tuple[Array, Array]]
 
-WINDOWS = 40  # number of windows of a record
+WINDOWS = 40  # number of windows into which a record is divided
 FALSE_ALARMS = 0.002  # probability that a change is reported in a record without a change
 SMALLEST = 0.02  # smallest relative change that is reported
-STEPS, REACH = 5, 2.0  # number of steps of a fit; maximum factor on a parameter in a step
-QUIET, USUAL = 0.25, 5.0  # quantile of the windows' deviations; maximum multiple of this quantile
-FEWEST = 8  # minimum number of values; the scatter of fewer values is unknown
-SEEN = 0.25  # maximum standard deviation of a relative step in the middle that can be detected
+STEPS, REACH = 5, 2.0  # steps of a fit; maximum factor by which a step changes a parameter
+# a window is informative if its deviation is at most USUAL times the QUIET quantile of all windows
+QUIET, USUAL = 0.25, 5.0
+FEWEST = 8  # minimum number of values from which a scatter is computed
+SEEN = 0.25  # maximum standard deviation at which a relative step in mid-record is detectable
 EDGE = 3  # minimum number of values on each side of a step
 DEGREE = 3  # degree of the polynomial that describes a drift
 
 
 @dataclass(frozen=True)
 class Explained:
-    """The level, the effects of covariates and the change that were fitted to a sequence.
+    """A fit of a level, the effects of covariates and at most one change to a sequence.
 
     Attributes
     ----------
     kind : {"constant", "step", "drift"}
         Kind of the change.
     begin, end : int
-        Indices of the extremes of the change, in order of time. `end` is the first value after a
-        step.
+        Indices of the two extremes of the change, in order of time. For a step, `end` is the index
+        of the first value after the step.
     size, deviation : float
-        Size of the step, or of the drift from `begin` to `end`, relative to the level, and its
-        standard deviation.
+        Size of the change from `begin` to `end` relative to the level, and the standard deviation
+        of this size.
     level : float
         Value before the change, at the mean of the covariates.
     slopes, slope_deviations : ndarray (q,)
-        Change of the value per unit of each covariate, and its standard deviation.
+        Change of the value per unit of each covariate, and the standard deviation of this change.
     fitted : ndarray (n,)
-        Values that the level, the covariates and the change explain.
+        Sum of the level, the effects of the covariates and the change.
     left : float
-        Sum of squared residuals, each divided by its standard deviation.
+        Sum of the squared residuals, weighted by their inverse variances.
     chance : float
         Upper bound of the probability that noise alone produces such a change.
     """
@@ -74,14 +75,14 @@ class Explained:
 
 
 def explain(value: Array, deviation: Array, covariates: Array, *, false_alarms: float) -> Explained:
-    """Fit a sequence with covariates, and with one change if that change is significant.
+    """Fit the effects of covariates to a sequence, and one change if this change is significant.
 
     Parameters
     ----------
     value, deviation : ndarray (n,)
         Estimates in order of time, and their reported standard deviations.
     covariates : ndarray (n, q)
-        Covariates of each estimate.
+        Values of the q covariates for each estimate.
     false_alarms : float
         Upper bound of the probability of reporting a change in a sequence without a change.
     """
@@ -105,13 +106,13 @@ def explain(value: Array, deviation: Array, covariates: Array, *, false_alarms: 
         chances.append((len(steps) + 1) * float(f.sf(ratio, size, freedom)))  # Bonferroni's bound
     if min(chances) > false_alarms:
         return constant
-    # Bayesian information criterion; a step has two parameters: its position and its size
+    # Bayesian information criterion; the two parameters of a step are its position and its size
     slow = n * np.log(step.left / drift.left) > (DEGREE - 2) * np.log(n)
     return replace(drift if slow else step, chance=min(chances))
 
 
 def _fitted(kind: Kind, shape: Array, base: Array, value: Array, weight: Array) -> Explained:
-    """Fit a sequence by weighted least squares with a base and the shape of a change."""
+    """Fit the columns of `base` and the `shape` of a change to a sequence by least squares."""
     design, q = np.hstack([base, shape]), base.shape[1]
     inverse = np.linalg.pinv(design * weight[:, None])
     beta = inverse @ (value * weight)
@@ -139,9 +140,11 @@ class Change:
     kind : {"step", "drift"}
         Kind of the change.
     time, end : float
-        Time of the step [s], accurate to about one window; or start and end of the drift [s].
+        Start and end of a drift [s]. For a step, both are the time of the step, which is accurate
+        to about one window.
     relative, deviation : float
-        Size relative to the value before the change, and its standard deviation.
+        Size of the change relative to the value before the change, and the standard deviation of
+        this size.
     """
 
     name: str
@@ -153,7 +156,7 @@ class Change:
 
     @property
     def text(self) -> str:
-        """A clause that describes the change."""
+        """A clause that states the parameter, the size and the time of the change."""
         return clause(self.name, self, self.relative, f"{self.time:.1f} s", f"{self.end:.1f} s")
 
 
@@ -168,7 +171,7 @@ def clause(name: str, one: Change | Explained, size: float, begin: str, end: str
 def changes_along(
     look: Look, time: Array, theta: Array, names: Sequence[str]
 ) -> tuple[list[Change], list[str]]:
-    """Find changes of parameters in a record, without a recursive estimator.
+    """Find changes of parameters in a record by least squares.
 
     The samples before and after a step are fitted separately, so that the size of a large step is
     accurate.
@@ -176,8 +179,8 @@ def changes_along(
     Parameters
     ----------
     look : callable
-        ``look(theta)`` returns the errors ε (N,) of the usable samples and the gradient ψ (N, p)
-        of the prediction.
+        Function of the parameters. ``look(theta)`` returns the prediction errors ε (N,) of the
+        usable samples and the gradient ψ (N, p) of the prediction.
     time : ndarray (N,)
         Times of the usable samples [s].
     theta : ndarray (p,)
@@ -188,10 +191,10 @@ def changes_along(
     Returns
     -------
     changes : list of Change
-        All drifts if the most significant change is a drift; else the steps at the time of the
-        most significant step.
+        If the most significant change is a drift, all drifts. If it is a step, all steps at the
+        same time.
     unseen : list of str
-        Parameters for which the record cannot show a change.
+        Parameters whose changes cannot be detected in this record.
     """
     theta = _fitted_to(look, np.ones(len(time), bool), theta)
     error, psi = look(theta)
@@ -209,23 +212,23 @@ def changes_along(
 def changes_in(
     time: Array, error: Array, J: Array, names: Sequence[str]
 ) -> tuple[list[Change], list[str]]:
-    """Return changes, the most significant first, and parameters for which none would be detected.
+    """Return the changes, most significant first, and the parameters with undetectable changes.
 
-    For a small change Δθ of the parameters, ε ≈ ψᵀ Δθ: this is the local approach of M. Basseville
-    and I. Nikiforov, *Detection of Abrupt Changes* (1993), chapter 8. Least squares in each of
-    forty windows computes forty nearly independent estimates of Δθ, in which `explain` finds a step
-    or a drift. Windows that contain little information, or that no parameter values explain, are
-    dropped.
+    A small change Δθ of the parameters causes the errors ε ≈ ψᵀ Δθ. This approximation is the local
+    approach of M. Basseville and I. Nikiforov, *Detection of Abrupt Changes* (1993), chapter 8. A
+    least-squares fit in each of forty windows gives forty nearly independent estimates of Δθ. In
+    these estimates, `explain` finds a step or a drift. A window is ignored if it contains little
+    information, or if no parameter values explain its errors.
 
     Parameters
     ----------
     time, error : ndarray (N,)
         Times [s] and errors ε of the usable samples.
     J : ndarray (N, q)
-        Gradient of the prediction with respect to relative changes of the parameters; the first
-        columns belong to `names`.
+        Gradient of the prediction with respect to relative changes of the parameters. The first
+        columns belong to the parameters `names`.
     names : sequence of str
-        Names of the parameters in which changes are looked for.
+        Names of the parameters that may have changed.
     """
     edges, local, spread = _windows(time, error, J, len(names))
     if len(edges) < FEWEST:
@@ -246,7 +249,7 @@ def changes_in(
 
 
 def _windows(time: Array, error: Array, J: Array, p: int) -> tuple[Array, Array, Array]:
-    """Return times (m, 2), estimates (m, p) and deviations (m, p) of the m informative windows."""
+    """Return times (m, 2), estimates and standard deviations (m, p) of m informative windows."""
     parts = [k for k in np.array_split(np.arange(len(time)), WINDOWS) if len(k) > 10 * J.shape[1]]
     inverses = [np.linalg.pinv(J[k], rcond=1e-8) for k in parts]
     every = [one @ error[k] for one, k in zip(inverses, parts, strict=True)]
@@ -262,7 +265,7 @@ def _windows(time: Array, error: Array, J: Array, p: int) -> tuple[Array, Array,
 
 
 def _fitted_to(look: Look, inside: Flags, theta: Array) -> Array:
-    """Fit the parameters (p,) to the samples `inside` with a few steps of least squares."""
+    """Fit the parameters (p,) to the samples `inside` with a few least-squares steps."""
     for _ in range(STEPS):
         error, psi = look(theta)
         step = np.linalg.lstsq((psi * theta)[inside], error[inside])[0]

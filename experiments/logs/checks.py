@@ -1,4 +1,4 @@
-"""Checks of a log: its sampling, its units, and the relation of torque and motion."""
+"""Check the sampling and the units of a log, and the relation between torque and motion."""
 
 from __future__ import annotations
 
@@ -20,24 +20,24 @@ from flexaxis.sim.record import Record
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Row = tuple[Kind, str] | tuple[Kind, str, str]
-"""Kind and text of a finding, and the option to type."""
+"""Kind and text of a finding, and optionally the command-line option that solves the problem."""
 
-FASTEST = 1e4  # rad/s, maximum plausible motor speed; milling spindles are slower
-MISSING, CLIPPED = 20.0, 1.0  # % of the samples that are missing, or clipped: limits of a problem
-ROUNDED = 5.0  # % of the samples that are missing one by one: the stamps may be rounded
-WRAPS = 0.35  # turns per sample, limit of a problem; above 0.5 the direction is ambiguous
+FASTEST = 1e4  # maximum plausible motor speed [rad/s]; even milling spindles are slower
+MISSING, CLIPPED = 20.0, 1.0  # maximum percentages of missing and clipped samples of a usable log
+ROUNDED = 5.0  # minimum percentage of single missing samples that suggests rounded time stamps
+WRAPS = 0.35  # maximum turns per sample of a usable log; above 0.5 the direction is ambiguous
 LEVELS = 3  # maximum number of levels of a switched torque
-SECONDS = 0.02  # s: if this period were in ms, the sampling rate would be 50 kHz
-WINDOW, USUAL = 7, 95.0  # samples in a window (at most 3 outliers); percentile of usual values
+SECONDS = 0.02  # sampling period [s] above which its unit may be ms, because 0.02 ms is 50 kHz
+WINDOW, USUAL = 7, 95.0  # window length in samples (at most 3 outliers); percentile of usual values
 FAR, STEPS = 10.0, 5.0  # factors on the usual distance from the median and on the usual move
 COARSE = 0.05  # minimum encoder step that is reported, relative to the rms move per sample
 SAME = 0.15  # maximum relative difference between a measured ratio and the factor of a unit
-STANDS = 0.5  # fraction of samples of a held torque that equal the sample before
-LOWEST = 0.1  # fraction of the torque's power at its lowest frequencies
+STANDS = 0.5  # minimum fraction of samples of a held torque that equal the previous sample
+LOWEST = 0.1  # fraction of the power of the torque that counts as low-frequency
 _TURN = 2 * np.pi
 RATIOS = {"speed=rpm": 60 / _TURN, "speed=deg/s": 360 / _TURN, "speed=rev/s": 1 / _TURN,
           "angle=deg": _TURN / 360}  # fmt: skip
-"""Ratios of a logged speed to the slope of the angle if the unit of one of them is wrong."""
+"""Ratio of the logged speed to the slope of the angle for each wrong unit."""
 _MEASURED = re.compile(r"meas|actual|\bact\b|_act|current|_ad|feedback|\bi_?q\b|effort", re.I)
 _COMMAND = re.compile(r"ref|cmd|command|set|desired|demand|target", re.I)
 
@@ -45,17 +45,17 @@ _COMMAND = re.compile(r"ref|cmd|command|set|desired|demand|target", re.I)
 def examine(raw: Raw, record: Record, remarks: Sequence[str]) -> tuple[Finding, ...]:
     """Return the findings of all checks.
 
-    If there are outliers, the signs are not checked, because outliers hide the relation of torque
-    and motion.
+    If the motion has outliers, the signs are not checked, because outliers hide the relation
+    between torque and motion.
 
     Parameters
     ----------
     raw : Raw
-        Signals as sampled.
+        Signals of the log at the logged sampling times.
     record : Record
-        Record of the same signals on an even grid.
+        Record of the same signals with even sampling.
     remarks : sequence of str
-        Corrections of the time stamps.
+        Sentences on corrections of the time stamps.
     """
     known = np.isfinite(raw.signals[raw.motion])
     motion, turn = raw.signals[raw.motion][known], 0.0
@@ -83,48 +83,49 @@ def time_stamps(raw: Raw, record: Record, remarks: Sequence[str]) -> Row:
     texts = [f"{rate:.6g} Hz, {len(valid)} samples, {len(valid) / rate:.4g} s", *remarks]
     if len(gaps):
         texts.append(
-            f"{missing:.2g} % missing in {len(gaps)} gaps, the longest {gaps.max() / rate:.3g} s; "
-            "gaps are not used"
+            f"{missing:.2g} % missing in {len(gaps)} gaps (the longest lasts "
+            f"{gaps.max() / rate:.3g} s); samples in gaps are ignored"
         )
     kind: Kind = "problem" if missing >= MISSING else "note" if texts[1:] else "ok"
     if missing >= ROUNDED and gaps.max() <= 2:  # an increment also needs the sample before
         even = (len(raw.time) - 1) / (raw.time[-1] - raw.time[0])
         texts.append(
-            "if no row is missing and only the stamps are rounded, use --rate "
-            f"{even:.5g} instead of the time"
+            "if no row is missing and the time stamps are only rounded, use --rate "
+            f"{even:.5g} instead of the time column"
         )
     return kind, "; ".join(texts)
 
 
 def wrapping(angle: Array, turn: float) -> Row | None:
-    """Return a finding if the angle was unwrapped, or moves too fast to be unwrapped."""
+    """Return a finding if the angle was unwrapped, or if it moves too fast to be unwrapped."""
     fastest = float(np.abs(np.diff(angle)).max()) / (turn or np.inf)
     if fastest < WRAPS:
-        return ("info", f"unwrapped, a turn is {turn:.6g} rad") if turn else None
+        return ("info", f"unwrapped an angle that wraps every {turn:.6g} rad") if turn else None
     text = (
-        f"the angle moves by up to {fastest:.2g} turns per sample; above half a turn, the "
-        "direction is unknown: log the angle without wrapping or faster, or use the speed"
+        f"the angle moves by up to {fastest:.2g} turns per sample. Above half a turn, the "
+        "direction is ambiguous. Log the angle without wrapping or at a higher rate, or use the "
+        "speed"
     )
-    return "problem", text, "--speed COLUMN in place of --angle"
+    return "problem", text, "--speed COLUMN instead of --angle"
 
 
 def clipping(u: Array) -> Row:
-    """Return a finding on a torque (N,) that remains at its extreme value for three samples."""
+    """Return a finding on whether the torque (N,) stays at a limit for three or more samples."""
     u = u[np.isfinite(u)]
     limit = (u == u.max()) | (u == u.min())
     share = 100 * float(np.mean(limit[2:] & limit[1:-1] & limit[:-2]))
     if not share or len(np.unique(u[:10_000])) <= LEVELS:
-        return "ok", "none"
+        return "ok", "the torque is not clipped"
     text = (
-        f"the torque is at its limit, {np.abs(u).max():.4g}, for {share:.2g} % of the "
-        "time: this is harmless if the logged torque acted; if the log contains a command, or "
-        "if the sensor is saturated, log the torque that acted, or excite less"
+        f"the torque is at its limit of {np.abs(u).max():.4g} for {share:.2g} % of the "
+        "time. The limit is harmless if this torque really acted on the axis. If the log contains "
+        "a command or a saturated sensor signal, log the real torque, or reduce the excitation"
     )
     return "note" if share < CLIPPED else "problem", text
 
 
 def clocks(raw: Raw, period: float) -> Row:
-    """Return a finding on signals that are repeated or interpolated between their updates."""
+    """Return a finding on signals whose samples are repeated or interpolated between updates."""
     every = {name: rhythm(raw.signals[name]) for name in ("torque", raw.motion)}
     # a torque that is held for several samples is harmless
     slow = {n: k for n, (k, _, lines) in every.items() if k > 1 and (lines or n != "torque")}
@@ -132,32 +133,32 @@ def clocks(raw: Raw, period: float) -> Row:
         return "ok", "torque and motion are updated at every sample"
     n = max(slow.values())
     text = (
-        f"{' and '.join(slow)} is updated at every {n}th sample only; the samples between are "
-        "repeated or interpolated: log both with one clock, or reduce the rate of the log"
+        f"only every {n}th sample of {' and '.join(slow)} is new, and the other samples are "
+        "repeated or interpolated. Log torque and motion with one clock, or reduce the rate"
     )
     return "problem", text, f"--resample {1 / period / n:.6g}"
 
 
 def coarse(raw: Raw, motion: Array) -> Row | None:
-    """Return a finding on the step of a coarse encoder, which is noise and not a model error."""
+    """Return a finding on the steps of a coarse encoder, which cause noise but no model error."""
     name, step = raw.motion, resolution(motion)
     if step < COARSE * float(np.sqrt(np.mean(np.diff(motion) ** 2))):
         return None
-    turn = f", {_TURN / step:.4g} a turn" if name == "angle" and not raw.linear else ""
+    turn = f" ({_TURN / step:.4g} a turn)" if name == "angle" and not raw.linear else ""
     return (
         "info",
-        f"the {name} has steps of {step:.4g} {SI[name]}{turn}: they are most of its noise",
+        f"the {name} has steps of {step:.4g} {SI[name]}{turn}, which cause most of its noise",
     )
 
 
 def units(raw: Raw, period: float) -> Row:
-    """Return a finding on the units that were assumed."""
+    """Return a finding on the units that flexaxis had to assume."""
     doubtful = [*raw.signals, *["time"] * (period >= SECONDS)]
     assumed = [n for n in SI if n in doubtful and n not in {*raw.unit, "torque"}]
     if not assumed:
-        return "ok", "stated, or certain"
+        return "ok", "all units are stated or certain"
     taken = ", ".join(f"{name} in {SI[name]}" for name in assumed)
-    text = f"not stated; assumed: {taken}. No log reveals a wrong unit, which scales the estimates"
+    text = f"the assumed units are {taken}. A wrong unit scales the estimates without any warning"
     return "note", text, " ".join(f"--unit {name}={SI[name]}" for name in assumed)
 
 
@@ -165,7 +166,7 @@ def refuse_nonsense(raw: Raw) -> None:
     """Raise a LogError if a signal is implausible in its unit.
 
     A unit that the file or an option states is rejected only if the ratio of the speed to the slope
-    of the angle shows that it is wrong.
+    of the angle shows that this unit is wrong.
     """
     speeds = {name: raw.signals[name] for name in ("angle", "speed") if name in raw.signals}
     if "angle" in speeds:
@@ -173,8 +174,8 @@ def refuse_nonsense(raw: Raw) -> None:
         angle = speeds["angle"][known]
         if "angle" not in raw.unit and (abs(abs(np.diff(angle)) - 355) < 5.5).any():
             raise LogError(
-                "angle jumps by 360 between samples, like an angle in degrees that wraps: "
-                "give --unit angle=deg, or --unit angle=rad if the angle is in rad"
+                "the angle jumps by 360 between samples, so it is probably a wrapped angle in "
+                "degrees. Give --unit angle=deg, or give --unit angle=rad if the angle is in rad"
             )
         slope[known] = np.gradient(unwrapped(angle)[0], raw.time[known])
         speeds["angle"] = slope
@@ -185,39 +186,39 @@ def refuse_nonsense(raw: Raw) -> None:
         for unit, usual in RATIOS.items():
             if abs(ratio / usual - 1) < SAME:
                 raise LogError(
-                    f"speed is {ratio:.3g} times the slope of the angle, as in a wrong unit: give "
-                    f"--unit {unit} (or the unit of the other signal is wrong)"
+                    f"the speed is {ratio:.3g} times the slope of the angle, so one of these units "
+                    f"is wrong. Give --unit {unit}, or correct the unit of the other signal"
                 )
     for name in speeds.keys() - raw.unit.keys():
         fast = float(np.nanpercentile(abs(speeds[name]), USUAL))
         if fast > FASTEST:
             raise LogError(
-                f"the motor would turn at {fast:.3g} rad/s: is {name} in deg, rpm or counts? "
-                f"Give the unit with --unit {name}=… or --scale {name}=FACTOR, or that of the time "
-                f"with --unit time=…; if the speed is correct, give --unit {name}={SI[name]}"
+                f"the motor would turn at {fast:.3g} rad/s. Is the {name} in deg, rpm or counts? "
+                f"Give --unit {name}=… or --scale {name}=FACTOR. If the unit of the time is wrong, "
+                f"give --unit time=…. If the speed is correct, give --unit {name}={SI[name]}"
             )
 
 
 def outlying(name: str, times: Array) -> Row:
-    """Return a finding on the times at which the motion is far from its neighbours."""
+    """Return a finding on outliers of the motion at the given times [s]."""
     if not len(times):
-        return "ok", "none"
+        return "ok", "the motion has no outliers"
     at = ", ".join(f"{t:.6g}" for t in times[:4]) + " …" * (len(times) > 4)
     text = (
-        f"the {name} jumps and returns within a few samples, which no axis can do, at {at} s "
-        f"({len(times)} samples); such samples spoil all estimates. Empty these cells of the log: "
-        "empty cells are not used. If a counter wraps there, give its number of counts: --counts N"
+        f"the {name} jumps and returns within a few samples at {at} s ({len(times)} samples). No "
+        "axis can move in this way, and such samples spoil all estimates. Empty these cells of the "
+        "log, because empty cells are ignored. If a counter wraps at these times, give --counts N"
     )
     return "problem", text
 
 
 def outliers(x: Array) -> Flags:
-    """Return which samples (N,) of a motion are outliers: far away for at most three samples.
+    """Return flags (N,) of outliers, which differ from their neighbours for at most three samples.
 
-    This is Hampel's filter: it compares the distance from the median of seven samples with the
-    usual distance. Without noise, this distance is 0 while the motion has one direction, and less
-    than a few moves per sample where it reverses. Therefore an outlier must also exceed five times
-    the usual move per sample.
+    A Hampel filter compares the distance of a sample from the median of seven samples with the 95th
+    percentile of all distances. Without noise, the distance is 0 while the motion keeps its
+    direction, and at most a few moves per sample when the motion reverses. Therefore the distance
+    of an outlier must also exceed five times the 95th percentile of the moves per sample.
 
     Examples
     --------
@@ -237,7 +238,7 @@ def outliers(x: Array) -> Flags:
 def sign(motion: str, record: Record) -> Row:
     """Return a finding on the signs of torque and motion.
 
-    At the lower end of the excited frequencies, an axis behaves like an inertia with friction: its
+    At the lowest excited frequencies, an axis behaves like an inertia with friction. Therefore the
     acceleration leads the torque by 0 to 90°. Moreover, the mean power of the torque is positive,
     because friction only dissipates power.
     """
@@ -252,30 +253,33 @@ def sign(motion: str, record: Record) -> Row:
     moving = after if motion == "angle" else (speed + after) / 2
     if along >= 0 or float(np.mean((u * moving)[ok])) >= 0:
         return "ok", "the torque drives the motion"
-    text = "torque and motion have opposite signs: reverse one of them"
+    text = "torque and motion have opposite signs. Reverse the sign of one of these signals"
     return "problem", text, "--scale torque=-1"
 
 
 def torque_kind(raw: Raw, stated: str | None, column: str) -> tuple[str, str]:
-    """Return whether a torque is held or smooth between its samples, and the reason.
+    """Return whether a torque is held or smooth between samples, and the reason for this choice.
 
-    A command jumps at each sample and is constant until the next one. A measured current also
-    changes between samples. Mistaking one kind for the other causes a delay of half a sample.
+    A command jumps at each sample and is constant until the next sample. A measured current also
+    changes between samples. The wrong choice causes a delay error of half a sample.
     """
     u = raw.signals["torque"][np.isfinite(raw.signals["torque"])][:LONGEST]
     if stated is not None:
         return stated, "as stated"
     if len(np.unique(u)) <= LEVELS or np.mean(np.diff(u) == 0) > STANDS:
-        return "held", "it switches between levels, or is constant between jumps"
+        return "held", "the torque switches between levels, or is constant between jumps"
     for kind, names in (("held", _COMMAND), ("smooth", _MEASURED)):
         if names.search(column):
-            return kind, f"its column is called {column}; use --torque-is for the other kind"
-    return "held", "assumed to be a command; for a measured current use --torque-is smooth"
+            return kind, f"the column is called {column}; --torque-is selects the other kind"
+    return "held", "it is assumed to be a command; for a measured current, use --torque-is smooth"
 
 
 def torque(raw: Raw, about: Mapping[str, str]) -> Row:
-    """Return a finding on the assumed torque between samples, and the reason."""
-    text = f"{about['torque']}: {about['torque_because']}; half a sample of delay depends on it"
+    """Return a finding on the assumed torque between samples."""
+    text = (
+        f"the torque is {about['torque']} between samples ({about['torque_because']}). The wrong "
+        "kind causes a delay error of half a sample"
+    )
     if raw.unit.get("torque") in ("V", "mV"):
-        text += ". It is a voltage: f_m then also includes the damping due to back-EMF"
+        text += ". The torque is logged as a voltage, so f_m includes the damping due to back-EMF"
     return "info", text

@@ -1,4 +1,4 @@
-"""Findings about a log, each with its severity, text and remedy; errors for unusable logs."""
+"""Findings about a log with severity, text and remedy, and the error for an unusable log."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ MARKS: dict[Kind, str] = {"problem": "✗", "note": "!", "info": "·", "ok": "�
 
 
 class LogError(FlexaxisError):
-    """A log cannot be read or used; the message gives the reason and the next step."""
+    """Error for a log that cannot be used. The message gives the reason and the next step."""
 
 
 def checked(kind: type[BaseModel], tables: Mapping[str, Any], source: object) -> Any:
-    """Convert nested tables, such as those of a TOML file, to a pydantic model of type `kind`.
+    """Convert nested tables, for example from a TOML file, to a pydantic model of class `kind`.
 
     Raises
     ------
     LogError
-        If a key is unknown or has a wrong value; the message has a line for each such key, which
-        begins with `source`.
+        If a key is unknown or has a wrong value. The message has one line for each such key, and
+        each line begins with `source`.
     """
     try:
         return kind(**tables)
@@ -59,16 +59,16 @@ class Finding:
 
     @property
     def sentence(self) -> str:
-        """The text with the name of the check and the option to type."""
+        """The text, preceded by the name of the check and followed by the option to type."""
         name = f"{self.name}: " if self.name else ""
         return f"{name}{self.text}" + (f". Type: {self.command}" if self.command else "")
 
 
 def ordered(every: Iterable[Finding]) -> list[Finding]:
-    """Return findings, the most severe first."""
+    """Return the findings sorted by severity, the most severe first."""
     return sorted(every, key=lambda one: [*MARKS].index(one.kind))
 
 
 def texts_of(every: Iterable[Finding], *kinds: Kind) -> list[str]:
-    """Return the sentences of those findings that have one of the given kinds."""
+    """Return the sentences of all findings of the given kinds."""
     return [one.sentence for one in every if one.kind in kinds]

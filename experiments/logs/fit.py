@@ -1,9 +1,9 @@
-"""Candidates, which are fitted without held-out samples, and the answer, a fit to the whole log.
+"""Fit candidate models without held-out samples, and fit the best model to the whole log.
 
-Candidates minimise the error of a simulation. If only noise remains, the model is adequate, and the
-answer minimises whitened prediction errors, because these estimates have the smallest variance. If
-more remains, a noise model would hide the deficiencies of the model, and the answer minimises the
-error of a simulation, too.
+The fit of a candidate minimises the simulation error. If the remaining error is only noise, the
+model is adequate. The final fit then minimises whitened prediction errors, because these estimates
+have the smallest variance. If the remaining error is larger than the noise, a noise model would
+hide the deficiencies of the model. The final fit then also minimises the simulation error.
 """
 
 from __future__ import annotations
@@ -26,20 +26,20 @@ Flags = NDArray[np.bool_]
 
 HELD_OUT = (2, 5, 8)  # indices of the held-out pieces among ten pieces of a record
 PARTS = 10  # number of parts of a held-out piece in which errors are compared
-AGAIN = 0.2  # first fraction of a stretch after a gap; it is fitted to find the initial state
+AGAIN = 0.2  # fraction of a stretch after a gap that is fitted to determine the initial state
 BEYOND_CHANCE = 2.0  # minimum difference of errors, in standard deviations
 LEAST_GAIN = 0.01  # minimum relative decrease of the simulation error that is relevant
 SURE = 3.0  # minimum distance of a significant parameter from 0, in standard deviations
 RIGHT = 1.1  # maximum ratio of simulation error to noise for an adequate model
 NOTHING = 1e-3  # largest simulation error that is negligible, as a fraction of the motion
 EXACT = 1e-9  # relative error of the arithmetic, and of the printed digits of a log
-STEPS = 1e-3  # relative error of a law that is solved in steps: 0.24 % at 50 Hz
+STEPS = 1e-3  # relative error of a friction law that is solved in steps (0.24 % at 50 Hz)
 SEARCHING: Mapping[str, Any] = {"most": 12, "near": 0.5}  # options of a fit with low accuracy
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """A setup and its fit to the samples that are not held out.
+    """A model of a log, and its fit to the samples that are not held out.
 
     Attributes
     ----------
@@ -57,12 +57,12 @@ class Candidate:
 
     @property
     def error(self) -> float:
-        """Rms error of a simulation of the held-out samples [rad/s]."""
+        """Rms simulation error of the held-out samples [rad/s]."""
         return float(np.sqrt(np.mean(self.errors)))
 
     @cached_property
     def errors(self) -> Array:
-        """Mean squared error of a simulation in each part of the held-out samples."""
+        """Mean squared simulation error in each part of the held-out samples."""
         places = np.flatnonzero(self.held & self.setup.ok)
         number = len(HELD_OUT) * PARTS
         if len(places) < number or not np.isfinite(self.fitted.square):
@@ -78,7 +78,7 @@ class Candidate:
         return bool(self.error > max(RIGHT * noise, NOTHING * float(np.std(log.y[ok]))))
 
     def better(self, other: Candidate) -> bool:
-        """Return whether the other candidate has a significantly smaller error, by 1 % or more."""
+        """Return whether the error of `other` is significantly smaller, and by at least 1 %."""
         before, after = self.errors, other.errors
         if not np.isfinite(before).all() or not np.isfinite(after).all():
             return bool(np.isfinite(after).all())
@@ -90,7 +90,7 @@ class Candidate:
     def sure(self, *names: str) -> bool:
         """Return whether any of the named parameters or gains differs significantly from 0.
 
-        The result is also True if none of them is identified.
+        The result is also True if none of these parameters and gains is identified.
         """
         own = (*self.setup.names, *self.setup.beside)
         places = [own.index(name) for name in names if name in own]
@@ -111,15 +111,15 @@ class Candidate:
 
 
 def candidate(setup: Setup, theta: Array, lag: float) -> Candidate:
-    """Fit a setup to the samples that are not held out, starting at parameters and a delay [s]."""
+    """Fit a setup without the held-out samples, starting at `theta` and the delay `lag` [s]."""
     held = held_out(setup)
     return Candidate(setup, setup.solve(theta, lag, without=held, **SEARCHING), held)
 
 
 def held_out(setup: Setup) -> Flags:
-    """Return the samples (N,) that are not fitted, and on which the simulation is tested.
+    """Return flags (N,) of the held-out samples, on which the simulation is tested.
 
-    The first samples of a stretch after a gap are fitted, because they determine its initial state.
+    The first samples after a gap are not held out, because they determine the initial state.
     """
     held = np.isin(pieces(setup.log.ok), HELD_OUT)
     for begin, end in pairwise([*setup.begins[1:], len(held)]):
@@ -131,8 +131,8 @@ def answer(best: Candidate) -> Candidate:
     """Fit the model of the best candidate to the whole log.
 
     If the model is adequate, the fit minimises whitened errors. If the model is incomplete, the fit
-    minimises the simulation error. If this fit ends at a bound, whitened errors are minimised
-    instead.
+    minimises the simulation error. However, if the estimates then reach a bound, the fit is
+    repeated with whitened errors.
     """
     for rounds in (0, ROUNDS) if best.lacks else (ROUNDS,):
         result = replace(best, fitted=best.setup.solve(best.fitted.z, rounds=rounds))
@@ -145,10 +145,10 @@ def deviations_of(setup: Setup, fitted: Fitted) -> Array:
     """Return the standard deviations (q,) of the unknowns of a fit.
 
     The variance for white residuals is increased by the additional scatter of the estimates over
-    pieces of the log. Pieces are intervals of time, of the speed and of the angle, because the
-    errors of a friction law depend on speed and angle: over a whole motion they would be hidden in
-    an interval of time. The numerical errors of arithmetic, of an incomplete convergence, and of
-    laws that are solved in steps are added.
+    pieces of the log. The pieces are intervals of time, of speed and of angle. Intervals of time
+    are not enough, because the errors of a friction law depend on speed and angle, and their mean
+    over a whole motion is small. Finally, the function adds the numerical errors of the arithmetic,
+    of incomplete convergence, and of laws that are solved in steps.
     """
     white = np.diag(fitted.covariance)
     free, log, variance = white > 0, setup.log, white.copy()

@@ -28,7 +28,8 @@ Array = NDArray[np.float64]
 GIVEN = ("k_T", "r")  # torque scale and gear ratio, which no log of a single axis determines
 KINDS = ("auto", "none", *FRICTION)
 GRAVITY = ("auto", "none", "sine")
-HELD = 0.02  # samples: maximum deviation from half a sample of the delay of a mistaken held torque
+# maximum difference from half a sample at which a delay suggests that a smooth torque was held
+HELD = 0.02
 MOST = 500_000  # maximum number of samples in a fit
 
 
@@ -42,25 +43,25 @@ class Identification:
         Axis with the new nominal values, laws, delay, offset, whitening filter and noise.
     answer : Candidate
         Fit to the whole log, with standard deviations of all unknowns: parameters, gains of
-        additional torques, states, offset and delay.
+        additional torques, initial states, offset and delay.
     estimates : mapping of str to (float, float)
         Value and standard deviation of each parameter, of each gain of an additional torque, of
-        ``delay`` [s] and of ``offset``, in the unit of the torque. The standard deviation of the
-        delay is 0 if the delay was given, or if it is the smallest delay that the search allows.
+        ``delay`` [s], and of ``offset`` in the unit of the torque. The standard deviation of the
+        delay is 0 if the delay was given, or if the delay is the smallest that the search allows.
     fit : float
         Fit 100 (1 − |y − ŷ|/|y − mean y|) [%] of a simulation of held-out pieces from the torque
         alone.
     whole : Fit
         Fit of a simulation of the whole log.
     friction : str
-        Identified law of dry friction; ``"none"`` without such a law, ``"as stated"`` if the axis
-        file contains laws.
+        Identified law of dry friction: ``"coulomb"``, ``"stribeck"`` or ``"none"``. If the axis
+        file contains laws, the value is ``"as stated"``.
     tried : tuple of Tried
-        Comparisons with simpler models.
+        Comparisons of models with and without an additional effect.
     findings : tuple of Finding
         Findings on the estimates.
     torque_unit : str
-        Unit of the torque in the log; empty if the log does not state a unit.
+        Unit of the torque in the log, or an empty string if the log does not state a unit.
     linear : bool
         Whether the axis is linear, so that the torque is a force.
     """
@@ -78,12 +79,12 @@ class Identification:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the identified parameters, then of the gains of additional torques."""
+        """Names of the identified parameters, followed by the gains of additional torques."""
         return tuple(self.estimates)[:-2]
 
     @property
     def theta(self) -> Array:
-        """Estimates (p,) of `names`."""
+        """Estimates (p,) in the order of `names`."""
         return np.array([*self.estimates.values()])[:-2, 0]
 
     @property
@@ -98,20 +99,20 @@ class Identification:
 
     @property
     def correlation(self) -> float:
-        """Largest correlation of the whitened residual with its past."""
+        """Largest autocorrelation of the whitened residual, by magnitude."""
         return correlation(self.answer.fitted.white[self.answer.fitted.good])
 
     @property
     def units(self) -> str:
-        """Units of the parameters; a log determines only ratios of parameters to k_T."""
+        """Units of the parameters, which depend on the unit of k_T."""
         unit, k_T = self.torque_unit, self.axis.model.nominal.get("k_T")
         if unit not in {"", "1", "A", "V"} and k_T in {None, 1.0}:  # torque in N m or N
             return "SI"
         one = f"1 {unit}" if unit not in {"", "1"} else "1"
         text = (
-            f"SI, if a torque of {one}, as read, is {k_T or 1.0:g} {'N' if self.linear else 'N m'}"
+            f"SI, if a logged torque of {one} equals {k_T or 1.0:g} {'N' if self.linear else 'N m'}"
         )
-        return f"{text}; give the true one with --fix k_T=VALUE" if k_T == 1 else text
+        return f"{text}; give the true value with --fix k_T=VALUE" if k_T == 1 else text
 
 
 def identify(
@@ -134,15 +135,15 @@ def identify(
     axis : Axis
         Axis with the nominal values at which the search starts.
     free : sequence of str
-        Parameters to identify; by default all except k_T, r and, if the nominal values are known,
-        parameters with the nominal value 0.
+        Parameters to identify. By default, these are all parameters except k_T and r. If the
+        nominal values are known, parameters with the nominal value 0 are also excluded.
     fix : sequence of str
         Parameters to hold at their nominal values.
     levels : mapping of str to float
-        Values of the parameters of the friction law: constants for parameters in `fix`, initial
-        values for the others.
+        Values of parameters of the friction law. Parameters in `fix` keep these values. For all
+        other parameters, the values are initial values of the fit.
     delay : float, optional
-        Known delay of the torque [s]; by default, the delay is identified.
+        Known delay of the torque [s]. By default, the delay is identified.
     friction : {"auto", "none", "coulomb", "stribeck"}
         Law of dry friction of the motor; ``"auto"`` adds a law if this law improves the simulation
         of held-out pieces of the record. Laws in the axis file are kept.
@@ -157,12 +158,12 @@ def identify(
     """
     for option, value, known in (("friction", friction, KINDS), ("gravity", gravity, GRAVITY)):
         if value not in known:
-            raise LogError(f"--{option} {value}: give one of {', '.join(known)}")
+            raise LogError(f"--{option} {value} is not one of {', '.join(known)}")
     roles = FRICTION.get("coulomb" if friction == "auto" else friction, {})
     if levels and (axis.model.laws or not levels.keys() <= {*roles.values()}):
         known = (*axis.model.parameters, *LAWFUL)
         hints = "".join(did_you_mean(name, known) for name in levels if name not in known)
-        raise LogError(f"--friction {friction} has no {', '.join(levels)}.{hints}")
+        raise LogError(f"--friction {friction} has no parameter {', '.join(levels)}.{hints}")
     linear = record.versions.get("motion") == "linear"
     log = log_of(record, replace(axis, beside={}))
     whole = log.cut(log.part(MOST))
@@ -173,8 +174,9 @@ def identify(
     early, late = -4 * log.period, setup.latest
     if delay is not None and not early <= delay <= late:
         raise LogError(
-            f"--delay {delay:g}: in this log the torque acts {early:g} … {late:g} s after it is "
-            "logged; if the delay is outside this range, shift the column by whole samples"
+            f"--delay {delay:g} is not possible. The model allows only a torque that acts "
+            f"{early:g} … {late:g} s after it is logged. For any other delay, shift the torque "
+            "column by whole samples"
         )
     falls = "none" if linear and gravity == "auto" else gravity
     search = Search(setup, axis.known, friction, falls, levels, tuple(fix))
@@ -218,12 +220,12 @@ def _result(search: Search, axis: Axis, record: Record, cut: bool) -> Identifica
     stated = record.versions.get("torque_because") == "as stated"
     if log.smooth and not stated and abs(lag / log.period - 0.5) < HELD:
         text = (
-            "the torque acts half a sample late, like a held command, but was assumed to be "
-            "measured: give --torque-is held or --torque-is smooth"
+            "the torque acts half a sample late, like a held command, although flexaxis assumes a "
+            "measured current. Give --torque-is held, or confirm a current with --torque-is smooth"
         )
         findings.append(Finding("problem", text))
     if cut:
-        text = f"identified from the {MOST} samples with the greatest torque, of {len(record.time)}"
+        text = f"the fit uses {MOST} of {len(record.time)} samples, with the greatest torque"
         findings.append(Finding("info", text))
     word = "as stated" if axis.model.laws else "none"
     if setup.model.laws and not axis.model.laws:
@@ -236,14 +238,14 @@ def _result(search: Search, axis: Axis, record: Record, cut: bool) -> Identifica
 
 
 def free_names(axis: Axis, free: Sequence[str], fix: Sequence[str]) -> tuple[str, ...]:
-    """Return the parameters to identify: the named ones, or all that a log can determine."""
+    """Return the parameters to identify: those in `free`, or all that a log can determine."""
     known = axis.model.parameters
     named = [n for n in (*free, *fix) if n not in LAWFUL or n in known]
     axis.having(dict.fromkeys(named, 1.0))  # raises an error for unknown names
     usual = [n for n in known if n not in GIVEN and (not axis.known or axis.model.nominal[n])]
     chosen = [name for name in ([n for n in free if n in known] or usual) if name not in fix]
     if not chosen:
-        raise LogError("all parameters are fixed; leave one free, with --free NAME")
+        raise LogError("all parameters are fixed. Choose a parameter to identify with --free NAME")
     return tuple(chosen)
 
 
@@ -252,6 +254,7 @@ def _check_rate(model: Model, period: float) -> None:
     fastest = float(np.max(abs(np.linalg.eigvals(matrices(model)[0]).imag))) / (2 * np.pi)
     if 2 * fastest * period > 1:
         raise LogError(
-            f"a log at {1 / period:.4g} Hz cannot show a mode at {fastest:.4g} Hz: log faster, "
-            "start nearer with --start NAME=VALUE, or use a model with fewer masses"
+            f"a log at {1 / period:.4g} Hz cannot show a mode at {fastest:.4g} Hz. Log at a higher "
+            "rate, give better initial values with --start NAME=VALUE, or use a model with fewer "
+            "masses"
         )

@@ -1,4 +1,4 @@
-"""Convert a log in any supported format to a record on an even grid, and check the log."""
+"""Convert a log to a record with even sampling, and check the log."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ Flags = NDArray[np.bool_]
 BURN_IN = 1.0  # s, default burn-in of a log that starts in the middle of a motion
 RESTING = 0.05  # maximum initial speed of an axis at rest, relative to the std of the speed
 FEWEST = 200  # minimum number of samples
-MOST_GAPS = 10  # maximum ratio of the number of samples of the grid to that of the log
-NEAR = 0.05  # maximum distance of time stamps from the grid that is ignored, in sampling periods
-SLOWEST = 1.01  # s, longest sampling period; spectra are averaged over pieces of four seconds
+MOST_GAPS = 10  # maximum ratio of samples on the even grid to samples in the log
+NEAR = 0.05  # maximum ignored distance of a time stamp from the even grid, in sampling periods
+SLOWEST = 1.01  # longest sampling period [s]; spectra are averaged over pieces of four seconds
 JITTER = 5.0  # minimum scatter of the time stamps that is reported [% of a sampling period]
 WHOLE = 0.02  # maximum relative difference between a new rate and an integer fraction of the rate
 
 
 @dataclass(frozen=True)
 class Imported:
-    """A record and the findings of the checks of its log."""
+    """A record, and the findings of the checks of the log."""
 
     record: Record
     checks: tuple[Finding, ...]
@@ -46,18 +46,18 @@ class Imported:
 def import_log(path: Path, *, burn_in: float | None = None, **tables: Any) -> Imported:
     """Read and check a log and convert it to a record, or load a record that flexaxis wrote.
 
-    For a record, `burn_in` is the only allowed option, and no checks are made: the page of its
-    import contains them.
+    For a record, `burn_in` is the only allowed option. A record is not checked again, because the
+    page of its import shows the results of the checks.
 
     Parameters
     ----------
     path : Path
         A CSV, MAT, HDF5 or NetCDF file (see `read.open_log`), or a record.
     burn_in : float, optional
-        Time at the start that is not fitted [s]. The default is 0 if the log starts at rest, else
-        1 s or a tenth of the log, whichever is shorter.
+        Length of the initial part that is not fitted [s]. The default is 0 if the log starts at
+        rest, else 1 s or a tenth of the log, whichever is shorter.
     **tables
-        Attributes of `LogMap`.
+        Options, which are the attributes of `LogMap`.
 
     Raises
     ------
@@ -73,9 +73,9 @@ def import_log(path: Path, *, burn_in: float | None = None, **tables: Any) -> Im
             result = _imported(path, checked(LogMap, tables, "options"))
         elif tables:
             raise LogError(
-                "is a record that flexaxis wrote, with signals in SI on an even grid; "
-                f"--{', --'.join(tables).replace('_', '-')} are for logs: import "
-                f"{record.versions.get('log', 'its log')} with them"
+                "is a record that flexaxis wrote, with signals in SI units and even sampling. The "
+                f"options --{', --'.join(tables).replace('_', '-')} are for logs. Use them to "
+                f"import {record.versions.get('log', 'the log')}"
             )
         else:
             result = Imported(record, ())
@@ -83,8 +83,8 @@ def import_log(path: Path, *, burn_in: float | None = None, **tables: Any) -> Im
         seconds, left_out = len(record.time) * record.period, burn_in or 0.0
         if not 0 <= left_out < 0.9 * seconds:
             raise LogError(
-                f"--burn-in {left_out:g} s: give 0 or more, and less than nine tenths of the log, "
-                f"{seconds:.4g} s"
+                f"--burn-in {left_out:g} s is not possible. Give at least 0 s and less than nine "
+                f"tenths of the length of the log ({seconds:.4g} s)"
             )
     except LogError as error:
         raise LogError(f"{path}: {error}") from error
@@ -110,7 +110,7 @@ def _imported(path: Path, mapping: LogMap) -> Imported:
 
 
 def on_clock(raw: Raw) -> Raw:
-    """Return the rows of the log that have a time.
+    """Return the rows of a log that have a time stamp.
 
     Raises
     ------
@@ -121,20 +121,20 @@ def on_clock(raw: Raw) -> Raw:
     time, signals = raw.time[known], {name: x[known] for name, x in raw.signals.items()}
     for name, values in {"time": time, **signals}.items():
         if (count := int(np.isfinite(values).sum())) < FEWEST:
-            raise LogError(f"{name} has {count} samples; {FEWEST} or more are needed")
+            raise LogError(f"{name} has {count} samples, but at least {FEWEST} are needed")
     back = np.flatnonzero(np.diff(time) <= 0)
     if len(back):
         k = int(back[0]) + 1
         before, after = time[k - 1] - time[0], time[k] - time[0]
-        text = f"time goes from {before:.9g} s to {after:.9g} s after the start at row {k}"
+        text = f"time changes from {before:.9g} s to {after:.9g} s after the start at row {k}"
         if after < 0.05 * before:
             raise LogError(
-                f"{text}: a new log begins there; select one with --rows 0:{k} or {k}:, or, if "
-                "only the clock restarts, give --rate HZ instead of the time"
+                f"{text}: a new log begins there; select one with --rows 0:{k} or --rows {k}:. If "
+                "only the clock restarts, give --rate HZ instead of the time column"
             )
         raise LogError(
-            f"{text}, and does not advance at {len(back)} rows: remove rows that are logged twice "
-            "or out of order, or, if the sampling was even, give --rate HZ instead of the time"
+            f"{text}. The time does not advance at {len(back)} rows. Remove rows that are repeated "
+            "or out of order. If the sampling was even, give --rate HZ instead of the time column"
         )
     return replace(raw, time=time, signals=signals)
 
@@ -146,21 +146,21 @@ def without_interpolation(raw: Raw) -> tuple[Raw, str]:
         return raw, ""
     part = slice(first, None, n)
     signals = {name: values[part] for name, values in raw.signals.items()}
-    remark = f"torque and {raw.motion} are interpolated: only every {n}th row is used"
+    remark = f"torque and {raw.motion} are interpolated, so only every {n}th row is used"
     return replace(raw, time=raw.time[part], signals=signals), remark
 
 
 def _on_grid(raw: Raw, *, smooth: bool, rate: float | None) -> tuple[Record, str]:
-    """Return the record of a log on an even grid, and a remark on the log's time stamps.
+    """Return the record of a log with even sampling, and a remark on the time stamps of the log.
 
-    Torques are means over [t_k, t_{k+1}). If the rate is lowered, all signals pass the same
-    low-pass filter without phase shift, and then the torque is averaged over each new sample.
+    Torques are means over [t_k, t_{k+1}). If the rate is reduced, all signals pass through the same
+    zero-phase low-pass filter. The torque is then averaged over each new sampling period.
     """
     period, index = _grid(raw.time)
     if period > SLOWEST or (period >= 1 and "time" not in raw.unit):
         raise LogError(
-            f"a sample every {period:.3g} s is too slow for an axis; is time in ms, us or "
-            "ns? Give the unit, such as --unit time=us; if s is correct, give --unit time=s"
+            f"a sampling period of {period:.3g} s is too long for an axis. Is the time in ms, us "
+            "or ns? Give the unit, such as --unit time=us. If s is correct, give --unit time=s"
         )
     time = raw.time[0] + period * np.arange(index[-1] + 1.0)
     off = raw.time - time[index]
@@ -183,8 +183,8 @@ def _on_grid(raw: Raw, *, smooth: bool, rate: float | None) -> tuple[Record, str
     if rate is not None:
         if every < 2 or n < FEWEST or abs(every * rate * period - 1) > WHOLE:
             raise LogError(
-                f"--resample {rate:g} Hz: give the rate of the log, {1 / period:.6g} Hz, divided "
-                f"by an integer that leaves {FEWEST} samples or more"
+                f"--resample {rate:g} Hz is not possible. Divide the rate of the log "
+                f"({1 / period:.6g} Hz) by an integer that leaves at least {FEWEST} samples"
             )
         lowpass = butter(8, 0.8 / every, output="sos")
         signals = {name: sosfiltfilt(lowpass, values) for name, values in signals.items()}
@@ -194,14 +194,14 @@ def _on_grid(raw: Raw, *, smooth: bool, rate: float | None) -> tuple[Record, str
     signals |= {"torque": rows["torque"].mean(axis=1), "valid": rows["valid"].all(axis=1)}
     jitter = 100 * np.std(off) / period
     remark = (
-        f"stamps scatter by {jitter:.0f} % of a period, and signals were interpolated; if the "
-        f"sampling itself was even, use --rate {1 / period:.6g} instead of the time"
+        f"the time stamps scatter by {jitter:.0f} % of a period, so signals were interpolated; if "
+        f"the sampling was in fact even, use --rate {1 / period:.6g} instead of the time column"
     )
     return _record(**signals), remark if jitter >= JITTER else ""
 
 
 def _grid(time: Array) -> tuple[float, NDArray[np.int64]]:
-    """Return the sampling period [s], and the index of each sample on the grid."""
+    """Return the sampling period [s], and the index of each sample on an even grid."""
     steps = np.diff(time)
     places = np.r_[0, np.cumsum(np.maximum(np.rint(steps / np.median(steps)), 1))]
     # a small error of the median of jittered steps would accumulate, so the period is fitted
@@ -209,15 +209,15 @@ def _grid(time: Array) -> tuple[float, NDArray[np.int64]]:
     index = np.rint((time - time[0]) / period).astype(int)
     if (np.diff(index) <= 0).any() or index[-1] > MOST_GAPS * len(time):
         raise LogError(
-            f"the time stamps are too irregular for an even grid: steps of {steps.min():.3g} s to "
-            f"{steps.max():.3g} s; resample the log first, or, if the sampling was even, give "
-            "--rate HZ in place of the time"
+            f"the time stamps are too irregular, with steps of {steps.min():.3g} s to "
+            f"{steps.max():.3g} s; resample the log first. If the sampling was in fact even, give "
+            "--rate HZ instead of the time column"
         )
     return period, index
 
 
 def _record(time: Array, valid: Flags, torque: Array, **motion: Any) -> Record:
-    """Return a record, given its signals (N,): an angle, a speed, or both."""
+    """Return a record of signals (N,). The motion is an angle, a speed, or both."""
     period, increment = (time[-1] - time[0]) / (len(time) - 1), None
     if "angle" in motion:
         increment = np.diff(motion["angle"], prepend=motion["angle"][0]) / period
@@ -225,8 +225,8 @@ def _record(time: Array, valid: Flags, torque: Array, **motion: Any) -> Record:
     moving = motion["speed"] if increment is None else increment
     if not (valid.any() and np.ptp(torque[valid]) and np.ptp(moving[valid])):
         raise LogError(
-            "torque or motion is constant where both are known: a column is wrong, or the axis "
-            "stood still"
+            "torque or motion is constant where both are known. Either a column is wrong, or the "
+            "axis did not move"
         )
     resting = np.max(abs(moving[:5])) < RESTING * np.std(moving)
     return Record(

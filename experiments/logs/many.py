@@ -1,4 +1,4 @@
-"""Many logs of one axis: estimates from each log, effects of covariates, and at most one change."""
+"""Estimate the parameters of one axis from many logs, with effects of covariates and changes."""
 
 from __future__ import annotations
 
@@ -25,22 +25,22 @@ from flexaxis.sim.errors import FlexaxisError
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".log", ".dat", ".mat", ".h5", ".hdf5", ".nc")
 MADE = ("-imported", "-track", "-estimates")  # endings of the names of files that flexaxis wrote
-SEEN = 0.1  # maximum relative standard deviation of a parameter that is compared
+SEEN = 0.1  # maximum relative standard deviation of a parameter that is estimated by default
 SURE = 3.0  # minimum effect of a covariate that is reported, in standard deviations
 SMALLEST = 1e-3  # minimum relative change, and relative effect of a covariate, that is reported
 
 
 @dataclass(frozen=True)
 class Many:
-    """Estimates from many logs, and findings.
+    """The estimates from many logs, and the findings on these estimates.
 
     Attributes
     ----------
     table : DataFrame
-        One row for each log. The columns are ``name`` and ``name_sd`` for each parameter, and the
-        covariates.
+        One row for each log. The columns are ``name`` and ``name_sd`` for each parameter, and one
+        column for each covariate.
     explained : dict of str to Explained
-        Effects of the covariates and the change for each parameter, in the unit of the parameter.
+        Effects of the covariates on each parameter, and the change of this parameter.
     findings : list of Finding
         One finding for each parameter, and one for each log that could not be used.
     """
@@ -56,7 +56,7 @@ class Many:
 
 
 def find_logs(folder: Path) -> list[Path]:
-    """Return the logs of a folder, sorted by name, with 9 before 10.
+    """Return the logs of a folder, sorted by name and by the value of numbers in the name.
 
     Files that flexaxis wrote into the folder are skipped.
 
@@ -71,7 +71,7 @@ def find_logs(folder: Path) -> list[Path]:
         if path.suffix.lower() in SUFFIXES and path.name[0] != "." and not path.stem.endswith(MADE)
     ]
     if not logs:
-        raise LogError(f"{folder}: contains no log with the ending {', '.join(SUFFIXES)}")
+        raise LogError(f"{folder}: contains no log. Names of logs end in {', '.join(SUFFIXES)}")
     return sorted(logs, key=lambda path: [t.zfill(20) for t in re.split(r"(\d+)", path.name)])
 
 
@@ -84,22 +84,23 @@ def identify_many(
     free: Sequence[str] = (),
     false_alarms: float = 0.01,
 ) -> Many:
-    """Estimate the parameters of an axis from each of many logs, and look for a change.
+    """Estimate the parameters of an axis from each log, and find changes between the logs.
 
     Parameters
     ----------
     logs : sequence of Path
         Paths of the logs, in order of time.
     axis : Axis
-        Identified axis; an axis without standard deviations is identified from the first log.
+        Identified axis. An axis without standard deviations is identified from the first log.
     tables : mapping
-        Options for reading a log, as for `importing.import_log`.
+        Options for reading a log, which are those of `importing.import_log`.
     covariates : sequence of str
-        Names of columns of the logs; the mean of such a column in each log is a covariate.
+        Names of columns of the logs. A covariate is the mean of such a column in each log.
     free : sequence of str
-        Parameters to estimate; by default those that the axis file states to 10 %.
+        Parameters to estimate. By default, these are all parameters whose standard deviation in the
+        axis file is less than 10 % of the value.
     false_alarms : float
-        Probability that logs without a change show one in any parameter.
+        Maximum probability that a change is reported although no parameter changed.
     """
     rows, findings = dict[str, dict[str, float]](), list[Finding]()
     for path in logs:
@@ -124,7 +125,7 @@ def identify_many(
     table = pd.DataFrame.from_dict(rows, orient="index")
     if not (rows and free):
         texts = "; ".join(one.text for one in findings)
-        raise LogError(texts or "no parameter of the axis is known to 10 %: give --free NAME")
+        raise LogError(texts or "no parameter is known to within 10 %. Give --free NAME")
     beside = table[list(covariates)].to_numpy(float)
     explained = {
         name: explain(table[name].to_numpy(), table[f"{name}_sd"].to_numpy(), beside,
@@ -142,7 +143,7 @@ def _sentence(name: str, one: Explained, table: pd.DataFrame, covariates: Sequen
     text = f"{name} = {one.level:.4g}, no change"
     if changed:
         text = clause(name, one, one.size, *ends)
-        text += f" (probability by chance {one.chance:.1g})"
+        text += f" (probability that noise alone causes this: {one.chance:.1g})"
     for column, slope, sd in zip(covariates, one.slopes, one.slope_deviations, strict=True):
         if abs(slope) > max(SURE * sd, SMALLEST * level / float(np.ptp(table[column]))):
             size = f"{100 * slope / level:+.2g} ± {100 * sd / level:.1g} %"

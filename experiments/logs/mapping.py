@@ -1,4 +1,4 @@
-"""The mapping from the columns of a log to signals and their units."""
+"""Select the signals of a log from its columns, and convert the signals to SI units."""
 
 from __future__ import annotations
 
@@ -27,20 +27,21 @@ class LogMap(BaseModel):
     Attributes
     ----------
     time, torque, angle, speed : str or None
-        Name of the column of each signal; by default, columns are recognised by their names.
+        Name of the column of each signal. By default, columns are recognised by their names.
     rate : float or None
         Sampling rate [Hz] of a log without a time column.
     scale : dict of str to float
-        Factor of each signal, applied after the conversion of units; −1 reverses the sign.
+        Factor by which a signal is multiplied after the conversion of units. The factor −1 reverses
+        the sign.
     unit : dict of str to str
-        Unit of each signal for which the file states no unit or a wrong one.
+        Units of signals for which the file states no unit or a wrong unit.
     counts : float or None
         Encoder counts per turn, for an angle in the unit ``counts``.
     torque_is : {"held", "smooth"} or None
-        Kind of torque: a command that is held until the next sample, or a measured, smooth signal
-        such as a current; None if the kind is not stated.
+        Kind of torque. A command is ``"held"`` until the next sample. A measured signal such as a
+        current is ``"smooth"``. With None, the kind is detected from the log.
     rows : str
-        Range of samples to read, A to B − 1, in the format ``A:B``.
+        Range of samples to read. The format ``A:B`` selects the samples A to B − 1.
     header : int or None
         Number of the line that contains the column names in a CSV file, counted from 1.
     resample : float or None
@@ -65,7 +66,7 @@ class LogMap(BaseModel):
 
 @dataclass(frozen=True)
 class Raw:
-    """The signals of a log in SI units, as they were sampled; missing values are NaN.
+    """The signals of a log in SI units at the logged times. Missing values are NaN.
 
     Attributes
     ----------
@@ -74,7 +75,7 @@ class Raw:
     signals : dict of str to ndarray (N,)
         Torque [N m], and angle [rad] or speed [rad/s] or both.
     unit : dict of str to str
-        Units in the log of those signals that have a stated unit.
+        Logged units of the signals, as far as the units are stated.
     """
 
     time: Array
@@ -83,12 +84,12 @@ class Raw:
 
     @property
     def motion(self) -> str:
-        """The motion that is used: ``"angle"`` if the log contains an angle, else ``"speed"``."""
+        """The motion signal in use: ``"angle"`` if the log contains an angle, else ``"speed"``."""
         return "angle" if "angle" in self.signals else "speed"
 
     @property
     def linear(self) -> bool:
-        """Whether the axis is linear: the unit of its motion is a length."""
+        """Whether the axis is linear, which is recognised by a length in the unit of the motion."""
         units = (self.unit.get(name, "") for name in MOTIONS)
         return any(re.match(r"([numck]?m|in)(/|$)", unit) for unit in units)
 
@@ -107,8 +108,8 @@ def pick(log: Log, mapping: LogMap) -> Raw:
     length, *others = {len(values) for values in columns.values()}
     if others:
         raise LogError(
-            f"the columns {', '.join(columns)} differ in length: columns of one log "
-            "have a value for every sample; are they of different rates?"
+            f"the columns {', '.join(columns)} differ in length. All columns of a log must have "
+            "a value for every sample. Do these columns have different sampling rates?"
         )
     units = {name: _unit(log, name, column, mapping) for name, column in chosen.items()}
     signals = {}
@@ -118,10 +119,9 @@ def pick(log: Log, mapping: LogMap) -> Raw:
             known[COUNTS] = 2 * np.pi / mapping.counts
         if units[name] not in known:
             raise LogError(
-                f"the unit {units[name]!r} of {column} is not one of "
-                f"{', '.join(filter(None, known))} for {name}; state it with --unit {name}=…, with "
-                "--counts N if it is counts of an encoder, or give a factor with --scale "
-                f"{name}=FACTOR beside a known unit"
+                f"unknown unit {units[name]!r} of {column}. The known units of {name} are "
+                f"{', '.join(filter(None, known))}. Give a known unit with --unit {name}=…, or "
+                f"--counts N for encoder counts. For other units, also give --scale {name}=FACTOR"
             )
         scale: float = mapping.scale.get(name, 1.0)  # type: ignore[call-overload]
         signals[name] = columns[column] * known[units[name]] * scale
@@ -135,8 +135,8 @@ def pick(log: Log, mapping: LogMap) -> Raw:
 def _columns(log: Log, mapping: LogMap) -> dict[str, str]:
     """Return the column of each signal: the stated column, or a column with a known name.
 
-    If the column of a motion is stated, no other motion is used. If a rate is stated, no time
-    column is used.
+    If the column of one motion signal is stated, other motion signals are ignored. If a sampling
+    rate is stated, time columns are ignored.
     """
     names = [name for name in SI if not (mapping.rate and name == "time")]
     chosen = {name: column for name in names if (column := getattr(mapping, name)) is not None}
@@ -147,20 +147,20 @@ def _columns(log: Log, mapping: LogMap) -> dict[str, str]:
         if alike and name not in known:
             chosen[name] = alike[0]
     for question, answered in (
-        ("time? Give --time COLUMN, or --rate HZ", mapping.rate or "time" in chosen),
-        ("torque, or current? Give --torque COLUMN", "torque" in chosen),
-        ("motor angle, or speed? Give --angle COLUMN or --speed COLUMN", chosen.keys() & MOTIONS),
+        ("time? Give --time COLUMN or --rate HZ", mapping.rate or "time" in chosen),
+        ("torque or current? Give --torque COLUMN", "torque" in chosen),
+        ("motor angle or speed? Give --angle COLUMN or --speed COLUMN", chosen.keys() & MOTIONS),
     ):
         if not answered:
             raise LogError(
-                f"which column is the {question}; the columns are {log.listed}. If these are not "
-                "names, give the line of the names with --header LINE"
+                f"which column is the {question}. The columns are {log.listed}. If these are not "
+                "the column names, give the line that contains the names with --header LINE"
             )
     return chosen
 
 
 def _unit(log: Log, name: str, column: str, mapping: LogMap) -> str:
-    """Return the unit of a signal: as stated, from the file, or from the end of the column name."""
+    """Return the unit of a signal from the options, the file, or the end of the column name."""
     if stated := mapping.unit.get(name) or log.units.get(column):  # type: ignore[call-overload]
         return spelt(stated, name)
     if name == "angle" and mapping.counts:

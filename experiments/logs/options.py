@@ -11,7 +11,7 @@ KEYS = ("time", "torque", "angle", "speed", "rate", "torque_is", "counts", "rows
 
 
 def pair(text: str) -> tuple[str, str]:
-    """Return the name and the value of ``SIGNAL=VALUE``."""
+    """Split ``SIGNAL=VALUE`` into the name of the signal and the value."""
     name, equals, value = text.partition("=")
     if not equals:
         raise argparse.ArgumentTypeError(f"write SIGNAL=VALUE, such as angle=deg, not {text}")
@@ -19,14 +19,15 @@ def pair(text: str) -> tuple[str, str]:
 
 
 def assignment(text: str) -> tuple[str, float | None]:
-    """Return the name and the number of ``NAME=VALUE``; the number of ``NAME`` alone is None."""
+    """Split ``NAME=VALUE`` into a name and a number. Without ``=VALUE``, the number is None."""
     name, equals, value = text.partition("=")
     return name.strip(), float(value) if equals else None
 
 
 PAIRS: dict[str, Any] = {"action": "append", "default": [], "type": pair}
 LOG_OPTIONS: dict[str, str | tuple[str, dict[str, Any]]] = {
-    "--map MAP.toml": ("Read these options from a TOML file (default: none).", {"type": Path}),
+    "--map MAP.toml": ("Read the options for the log from a TOML file (default: none).",
+                       {"type": Path}),
     "--time COLUMN": "Column with the time (default: recognised by its name).",
     "--torque COLUMN": "Column with the torque command or the motor current (default: recognised "
     "by its name).",
@@ -34,27 +35,27 @@ LOG_OPTIONS: dict[str, str | tuple[str, dict[str, Any]]] = {
     "--speed COLUMN": "Column with the motor speed (default: recognised by its name).",
     "--rows A:B": "Read only samples A to B-1 (default: all).",
     "--rate HZ": ("Sampling rate [Hz] of a log without a time column (default: computed from the "
-                  "time).", {"type": float}),
+                  "time column).", {"type": float}),
     "--header LINE": ("Line of a CSV file that contains the column names, counted from 1 (default: "
                       "detected from the content).", {"type": int}),
-    "--unit SIGNAL=UNIT": ("Unit of a signal, such as angle=deg (default: from the column's name, "
-                           "else SI).", PAIRS),
+    "--unit SIGNAL=UNIT": ("Unit of a signal, such as angle=deg (default: taken from the column "
+                           "name, else SI).", PAIRS),
     "--scale SIGNAL=FACTOR": ("Multiply a signal by a factor, such as torque=0.6 (N m/A) or "
                               "torque=-1 (default: 1).", PAIRS),
     "--torque-is KIND": (
-        "held: a torque command, constant until the next sample (zero-order hold); smooth: a "
-        "measured current, which varies between samples (default: detected from the log).",
+        "Kind of torque. 'held' is a command that is constant until the next sample (zero-order "
+        "hold), and 'smooth' is a measured current (default: detected from the log).",
         {"choices": ("held", "smooth")},
     ),
-    "--resample HZ": ("Reduce the sampling rate to this rate [Hz], an integer fraction of the rate "
-                      "of the log (default: as logged).", {"type": float}),
-    "--burn-in S": ("Time at the start that the fit leaves out [s] (default: 0 if the log starts "
-                    "at rest, else 1).", {"type": float}),
-    "--as-log FORMAT": ("Write a log as a robot would, in the format csv (default: write a "
+    "--resample HZ": ("Reduce the sampling rate to this integer fraction of the logged rate [Hz] "
+                      "(default: the logged rate).", {"type": float}),
+    "--burn-in S": ("Length of the initial part of the log that the fit ignores [s] (default: 0 if "
+                    "the log starts at rest, else 1).", {"type": float}),
+    "--as-log FORMAT": ("Write a log in the format csv, like the log of a robot (default: write a "
                         "record).", {"choices": ("csv",)}),
     "--units U,…": ("Units of the written log, such as deg,A,rpm,ms (default: SI).",
                     {"default": ""}),
-    "--gaps N": ("Number of gaps with missing samples (default: 0).",
+    "--gaps N": ("Number of gaps in the written log (default: 0).",
                  {"type": int, "default": 0}),
     "--counts N": ("Encoder counts per turn of the motor, for an angle that is logged in counts or "
                    "rounded to counts (default: none).", {"type": int}),
@@ -69,7 +70,7 @@ READING = (
 
 
 def tables_of(args: argparse.Namespace) -> dict[str, Any]:
-    """Return the arguments of `fx.import_log`; options override the file given by ``--map``."""
+    """Return the arguments of `fx.import_log`. Options override the file given by ``--map``."""
     from flexaxis.experiments.logs.findings import LogError, checked
     from flexaxis.experiments.logs.mapping import LogMap
     from flexaxis.sim.files import read_toml

@@ -101,11 +101,11 @@ def test_a_law_that_there_is_not_is_refused(record):
 
 
 def test_the_units_of_values_are_stated(found):
-    assert found.units.startswith("SI, if a torque of 1, as read, is 1 N m; give")
-    assert "is 1 N; give" in replace(found, linear=True).units
+    assert found.units.startswith("SI, if a logged torque of 1 equals 1 N m; give")
+    assert "equals 1 N; give" in replace(found, linear=True).units
     assert replace(found, torque_unit="kNm").units == "SI"  # it was read in N m
     known = replace(found, torque_unit="A", axis=found.axis.having({"k_T": 0.6}))
-    assert known.units == "SI, if a torque of 1 A, as read, is 0.6 N m"
+    assert known.units == "SI, if a logged torque of 1 A equals 0.6 N m"
 
 
 @pytest.mark.slow
