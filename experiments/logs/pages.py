@@ -1,4 +1,4 @@
-"""HTML pages of an import, an identification, an estimator on a record, and many logs."""
+"""Build the HTML pages of an import, an identification, a tracking run, and many logs."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ WRITTEN: dict[str, Any] = {"border": 0, "float_format": "{:.5g}".format}
 
 @dataclass(frozen=True)
 class Chart:
-    """A figure: its title, caption (`words`), series of each panel, and options of `curves`."""
+    """A figure with a title, a caption (`words`), series for each panel, and plot options."""
 
     title: str
     words: str
@@ -48,7 +48,7 @@ class Chart:
 
 @dataclass(frozen=True)
 class LogPage:
-    """The content of a page.
+    """The content of the HTML page of a log.
 
     Attributes
     ----------
@@ -71,7 +71,7 @@ class LogPage:
     table: Any = None
 
     def write(self, path: Path) -> None:
-        """Write the page as one HTML file that needs no network."""
+        """Write the page as one HTML file that needs no network connection."""
         table = "" if self.table is None else Markup(self.table.to_html(**WRITTEN))
         content = vars(self) | {
             "figures": [
@@ -84,29 +84,29 @@ class LogPage:
 
 
 def _line(x: Array, y: Array, label: str, role: Any = "data") -> Series:
-    """Return a curve of at most about `MOST` points, which are the extremes of bins."""
+    """Return a curve of about `MOST` points or fewer, which keeps the extremes of each bin."""
     bins = pd.Series(y).groupby(np.arange(len(y)) // -(-2 * len(y) // MOST))
     k = np.unique([bins.idxmin(), bins.idxmax()])
     return Series(x=x[k], y=y[k], label=label, role=role)
 
 
 def _gaps(time: Array, ok: NDArray[np.bool_]) -> list[tuple[float, float, str]]:
-    """Return the spans of samples that are not used, which the figure shades."""
+    """Return the time spans of unused samples, which the figure shades."""
     return [(float(time[a]), float(time[b - 1]), "not used") for a, b in gaps_of(ok)[:GAPS]]
 
 
 def import_page(result: Imported, log: str) -> LogPage:
     """Return the page of an import."""
     checks, record = ordered(result.checks), result.record
-    finding = Finding("ok", "Nothing speaks against this log.")
+    finding = Finding("ok", "The checks found no problem in this log.")
     if bad := ", ".join(one.name for one in checks if one.kind == "problem"):
-        finding = Finding("problem", f"As it is, this log spoils estimates: {bad}.")
+        finding = Finding("problem", f"This log would give wrong estimates. Failed checks: {bad}.")
     curves_of = {
         "torque [as logged]": record.torque,
         "speed [rad/s]": output_of(record)[1],
     }
     panels = {label: [_line(record.time, y, "log")] for label, y in curves_of.items()}
-    words = "The log. Samples that are missing, or within the burn-in, are shaded."
+    words = "Torque and speed in the log. Missing samples and the burn-in are shaded."
     chart = Chart("The log", words, panels, TIMED | {"spans": _gaps(record.time, usable(record))})
     return LogPage(f"Import of {log}", finding, checks, [chart])
 
@@ -114,11 +114,11 @@ def import_page(result: Imported, log: str) -> LogPage:
 def identification_page(
     result: Identification, period: float, other: Validation | None, title: str
 ) -> LogPage:
-    """Return the page of an identification, and of its simulation of another log if available."""
+    """Return the page of an identification, with the simulation of another log if available."""
     findings = findings_of(result, other)
     problems = texts_of(findings, "problem")
-    text = f"The model simulates {result.fit:.1f} % of held-out pieces from the torque alone."
-    text += f" These numbers cannot be used: {problems[0]}." if problems else ""
+    text = f"A simulation from the torque alone explains {result.fit:.1f} % of held-out pieces."
+    text += f" The estimates cannot be used: {problems[0]}." if problems else ""
     y = result.answer.setup.log.y
     time = period * np.arange(float(len(y)))
     charts = [_compared("Simulation from the torque", time, y, y - result.answer.fitted.residual)]
@@ -130,12 +130,12 @@ def identification_page(
 
 
 def findings_of(result: Identification, other: Validation | None) -> list[Finding]:
-    """Return the findings on the log and on the other log, the most severe first."""
+    """Return the findings on the identification and the other log, the most severe first."""
     texts = [
         f"units: {result.units}",
-        f"law of friction: {result.friction}",
+        f"law of dry friction: {result.friction}",
         f"a simulation explains {result.whole.percent:.1f} % of the whole log",
-        f"white residuals correlate with their past by {result.correlation:.3f}",
+        f"largest autocorrelation of the whitened residuals: {result.correlation:.3f}",
     ]
     problems = []
     if other is not None:
@@ -158,14 +158,14 @@ def content(result: Identification, findings: Sequence[Finding]) -> dict[str, An
 
 
 def _compared(title: str, time: Array, y: Array, simulated: Array) -> Chart:
-    """Return a figure of the liveliest piece of a log, its simulation, and the error."""
+    """Return a figure of the part of a log with the most motion, its simulation, and the error."""
     piece = liveliest(y, PIECE)
     t, y, simulated = time[piece], y[piece], simulated[piece]
     panels = {
         "speed [rad/s]": [_line(t, y, "log"), _line(t, simulated, "simulation", "truth")],
         "error [rad/s]": [_line(t, y - simulated, "error")],
     }
-    return Chart(title, "The liveliest piece, simulated from the torque alone.", panels, TIMED)
+    return Chart(title, "The part of the log with the most motion.", panels, TIMED)
 
 
 def track_page(result: Tracked, estimator: str, log: str) -> LogPage:
@@ -176,7 +176,7 @@ def track_page(result: Tracked, estimator: str, log: str) -> LogPage:
     result : Tracked
         Estimates and findings.
     estimator : str
-        Name of the estimator, as typed.
+        Name and options of the estimator, as the user typed them.
     log : str
         Name of the log.
     """
@@ -193,7 +193,7 @@ def track_page(result: Tracked, estimator: str, log: str) -> LogPage:
         panels[f"{name} / nominal"] = [Series(x=t, y=y, estimator=estimator, **sides), same]
     marks = [(one.time, one.text) for one in result.changes if one.kind == "step"]
     marks += [(float(at), "alarm") for at in result.alarms]
-    words = "Ratios of estimates to nominal values, ±2σ. Vertical lines mark steps and alarms."
+    words = "Estimates divided by nominal values, ±2σ. Vertical lines mark steps and alarms."
     options = TIMED | {"marks": marks, "spans": _gaps(result.time, result.usable)}
     chart = Chart("Estimates", words, panels, options)
     return LogPage(f"{estimator} on {log}", result.findings[0], result.findings[1:], [chart], table)
@@ -207,6 +207,6 @@ def many_page(result: Many, title: str) -> LogPage:
         y, band = table[name].to_numpy(), 2 * table[f"{name}_sd"].to_numpy()
         points = Series(x=k, y=y, low=y - band, high=y + band, kind="points", label="log, ±2σ")
         panels[name] = [points, Series(x=k, y=one.fitted, role="truth", label="explained")]
-    words = "Estimates from each log, ±2σ. The line shows the effects of covariates and a change."
+    words = "Estimates from each log, ±2σ. The line is the fit with covariates and a change."
     chart = Chart("Estimates over the logs", words, panels, {"x": "log"})
     return LogPage(title, result.findings[0], result.findings[1:], [chart], table)

@@ -1,4 +1,4 @@
-"""Open a log in any format: the names and units of its columns, and their numbers on demand."""
+"""Open a log in any supported format, and read its columns with their names and units."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ _UNIT = re.compile(r"(?P<name>.*?)\s*(?:[\[(]|\s/\s|\sin\s)\s*(?P<unit>[^\])]*?)
 
 @dataclass(frozen=True)
 class Log:
-    """The columns of a file.
+    """The columns of a log file, and their units.
 
     Attributes
     ----------
     columns : dict of str to Series
-        Numbers or texts of each column.
+        Values of each column, as numbers or texts.
     units : dict of str to str
-        Units of those columns for which the file states a unit.
+        Units that the file states for its columns.
     """
 
     columns: Mapping[str, pd.Series[Any]]
@@ -47,11 +47,11 @@ class Log:
 
     @property
     def listed(self) -> str:
-        """The names of the columns for a message; a long list is shortened."""
+        """The names of the columns for a message. A long list is shortened."""
         return shorten(", ".join(self.columns), 600, placeholder=" …")
 
     def read(self, names: Sequence[str], rows: slice = slice(None)) -> dict[str, Array]:
-        """Return a dict of columns (N,); missing values are NaN.
+        """Return the named columns (N,) as a dict. Missing values are NaN.
 
         Raises
         ------
@@ -64,7 +64,7 @@ class Log:
                 digits = re.findall(r"\d+", name)
                 alike = [known for known in self.columns if re.findall(r"\d+", known) == digits]
                 hint = did_you_mean(name, alike)
-                raise LogError(f"there is no column {name!r}.{hint} There are {self.listed}")
+                raise LogError(f"there is no column {name!r}.{hint} The columns are {self.listed}")
         return {name: _numbers(name, self.columns[name][rows]) for name in names}
 
 
@@ -74,12 +74,12 @@ def open_log(path: Path, header: int | None = None) -> Log:
     Parameters
     ----------
     path : Path
-        A CSV file (separated by ``,``, ``;``, ``|``, tabs or blanks; with decimal points or commas;
-        in UTF-8, UTF-16 or Latin-1), a MAT file, or an HDF5 file, such as NetCDF-4. Columns of a
-        matrix are named ``name[0]``, ``name[1]``, …; columns of structures and groups are named
-        ``outer.inner``.
+        A CSV file, a MAT file, or an HDF5 file such as NetCDF-4. A CSV file has the separator
+        ``,``, ``;``, ``|``, tab or blank, decimal points or commas, and the encoding UTF-8, UTF-16
+        or Latin-1. Columns of a matrix are named ``name[0]``, ``name[1]``, …. Columns of structures
+        and groups are named ``outer.inner``.
     header : int, optional
-        Number of the line that contains the column names in a CSV file, counted from 1; by default
+        Number of the line that contains the column names in a CSV file, counted from 1. By default,
         this line is detected from the content.
 
     Raises
@@ -102,7 +102,7 @@ def open_log(path: Path, header: int | None = None) -> Log:
     except (LogError, MemoryError):
         raise
     except Exception as error:  # for damaged files, scipy and h5py raise many kinds of exceptions
-        reason = getattr(error, "strerror", None) or f"{error}; is it damaged?"
+        reason = getattr(error, "strerror", None) or f"{error}. The file may be damaged"
         raise LogError(f"cannot be read: {reason}") from error
     if not columns:
         raise LogError("contains no columns of numbers")
@@ -112,7 +112,8 @@ def open_log(path: Path, header: int | None = None) -> Log:
 def _flattened(content: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Array]]:
     """Yield the names and values of columns of nested structures.
 
-    The elements of an array of structures are named by their ``Name`` or ``label``, or numbered.
+    The elements of an array of structures are named after their field ``Name`` or ``label``. If
+    these fields are missing, the elements are numbered.
     """
     for name, item in content.items():
         if name.startswith(("__", "#")):  # keys that scipy adds, and the content of MATLAB's cells
@@ -131,7 +132,7 @@ def _flattened(content: Mapping[str, Any], before: str = "") -> Iterator[tuple[s
 
 
 def _csv(path: Path, start: bytes, header: int | None) -> Log:
-    """Open a text table with the layout that splits most lines into numbers."""
+    """Open a text table with the separator and the decimal mark that give the most numbers."""
     encoding = _encoding(start)
     lines = start.decode(encoding, "replace").splitlines()
     lines = lines[:-1] if len(start) == PROBE else lines  # the last line may be incomplete
@@ -141,7 +142,7 @@ def _csv(path: Path, start: bytes, header: int | None) -> Log:
     tried = [(*_tried(part, *one), *one) for one in layouts if part] or [(0.0, 0, 0, "", "")]
     share, width, row, separator, decimal = max(tried, key=lambda layout: layout[:2])
     if not share:
-        raise LogError("is not MAT, HDF5, or a CSV with rows of numbers: unpack or export it")
+        raise LogError("is not a MAT file, an HDF5 file, or a CSV file with rows of numbers")
     first = kept[row]
     head = _head(lines[:first], separator, width, header)
     names, units = names_and_units([*head, *[""] * width][:width])
@@ -154,10 +155,10 @@ def _csv(path: Path, start: bytes, header: int | None) -> Log:
         )  # fmt: skip
     except ValueError as error:  # errors of the parser are ValueErrors, too
         raise LogError(
-            f"{str(error).strip().splitlines()[-1]}; two logs in one file, or a separator "
-            "inside a number?"
+            f"{str(error).strip().splitlines()[-1]}. Does the file contain two logs or a "
+            "separator inside a number?"
         ) from error
-    # the last line of a log may be incomplete, so its cells are compared with the line before
+    # the last line of a log may be incomplete, so its cells are compared with the previous line
     alike = (table[-2:].notna().nunique() < 2).all()
     return Log(dict(table if alike else table[:-1]), units)
 
@@ -179,7 +180,7 @@ def _cells(line: str, separator: str | None) -> list[str]:
 def _tried(lines: Sequence[str], separator: str | None, decimal: str) -> tuple[float, int, int]:
     """Return the score of a layout, its number of cells per row, and its first row of numbers.
 
-    The score is greater, the more lines and cells the layout splits into numbers.
+    The score increases with the number of lines and cells that the layout converts to numbers.
     """
     cells = [_cells(line, separator) for line in lines]
     width = mode(map(len, cells))
@@ -195,9 +196,9 @@ def _tried(lines: Sequence[str], separator: str | None, decimal: str) -> tuple[f
 def _head(lines: Sequence[str], separator: str | None, width: int, header: int | None) -> list[str]:
     """Return the names of the columns, each with its unit if a line of units follows the names.
 
-    The names are in the last line above the rows, or in a comment, as numpy writes them. TwinCAT
-    writes a block of lines in which a key precedes every signal; there the first line contains the
-    names.
+    The names are in the last line above the rows of numbers, or in a comment, as in files that
+    numpy writes. TwinCAT writes a block of lines in which a key precedes every signal. The first
+    line of this block contains the names.
     """
     if header is not None:
         return _cells(lines[header - 1], separator)
@@ -235,7 +236,7 @@ def names_and_units(head: Sequence[str]) -> tuple[list[str], dict[str, str]]:
 
 
 def _numbers(name: str, column: pd.Series[Any]) -> Array:
-    """Return a column as numbers; date-and-time stamps become seconds since the first stamp."""
+    """Convert a column to numbers, and date-and-time stamps to seconds since the first stamp."""
     if pd.api.types.is_numeric_dtype(column):
         return column.to_numpy(float)
     texts = column.astype("string").str.strip()
@@ -250,6 +251,6 @@ def _numbers(name: str, column: pd.Series[Any]) -> Array:
     row = column.index[np.argmax(bad)]
     raise LogError(
         f"row {row}, column {name}: {str(texts[row])[:60]!r} is not a number ({bad.sum()} of "
-        f"{len(texts)} such cells); correct or empty them, as an empty cell is a gap, or, if a new "
-        f"log begins there, take one part with --rows 0:{row}"
+        f"{len(texts)} cells are not numbers). Correct or empty these cells. An empty cell is a "
+        f"gap. If a new log begins in this row, select one part with --rows 0:{row}"
     )

@@ -1,4 +1,4 @@
-"""Find initial values of a fit, and effects of a log that its linear model does not describe.
+"""Find initial values for a fit, and effects in a log that a linear model does not describe.
 
 Initial values are computed from frequency responses of the log. Dry friction and gravity are added
 if they improve the simulation of held-out pieces.
@@ -35,8 +35,8 @@ FRICTION: Mapping[str, Mapping[str, str]] = {
     "coulomb": {"coulomb": "f_c"},
     "stribeck": {"coulomb": "f_c", "breakaway": "f_s", "alpha": "alpha", "beta": "beta"},
 }
-"""Laws of dry friction of the motor: the roles of each law, and the parameters in these roles."""
-STIFF = 100.0  # rad per sample, natural frequency of the bristles that represent Coulomb friction
+"""Laws of dry friction of the motor, with the name of the parameter for each role in the law."""
+STIFF = 100.0  # natural frequency of the bristles that represent Coulomb friction [rad per sample]
 LEVELS = 0.01, 0.07  # initial values of f_c, relative to its upper bound
 LAWFUL = {
     "f_c": (0.03, 0.0, 3.0),
@@ -44,10 +44,10 @@ LAWFUL = {
     "alpha": (10.0, 1.0, 50.0),
     "beta": (20.0, 1.0, 100.0),
 }
-"""Parameters of the laws: initial value and bounds, for an rms torque and an rms speed of one."""
-WINDOW = 0.05  # s, interval over which changes of momentum are compared with impulses
-TURN = 0.5  # rad, minimum range of the load angle; in a smaller range gravity is nearly constant
-EARLY = 4.0  # samples, maximum time by which a torque may act before it is logged
+"""Initial value, lower and upper bound of each parameter for an rms torque and rms speed of one."""
+WINDOW = 0.05  # interval over which changes of momentum are compared with impulses [s]
+TURN = 0.5  # minimum range of the load angle [rad], below which gravity is nearly constant
+EARLY = 4.0  # maximum time by which a torque may act before it is logged [samples]
 ENOUGH, STEPS, NEAR = 4000, 6, 0.5  # samples, steps and accuracy of a fit that tests initial values
 RUNGS, FASTEST = 6, 1.0  # number of resonances that are tried, and the highest [rad per sample]
 
@@ -56,14 +56,14 @@ Place = tuple[Array, float]
 
 @dataclass(frozen=True)
 class Tried:
-    """A comparison with a simpler model.
+    """A comparison of a model with and without an additional effect.
 
     Attributes
     ----------
     name : str
         Name of the added effect.
     before, after : float
-        Rms errors of a simulation of held-out pieces [rad/s], without and with the effect.
+        Rms simulation errors in held-out pieces [rad/s], without and with the effect.
     taken : bool
         Whether the effect is included in the model.
     """
@@ -81,20 +81,20 @@ class Search:
     Attributes
     ----------
     setup : Setup
-        Model as stated, and the log.
+        Log, and the model at the beginning of the search.
     known : bool
-        Whether the nominal values are given or identified; if not, they are a rough guess.
+        True if the nominal values are given or identified, False if they are a rough guess.
     friction : {"auto", "none", "coulomb", "stribeck"}
         Law of dry friction; ``"auto"`` adds a law if the log requires it.
     gravity : {"auto", "none", "sine"}
         Torque of gravity; ``"auto"`` adds this torque if the log requires it.
     levels : mapping of str to float
-        Values of parameters of the friction law: constants for parameters in `fix`, initial values
-        for the others.
+        Values of parameters of the friction law. Parameters in `fix` keep these values. For all
+        other parameters, the values are initial values of the fit.
     fix : tuple of str
         Parameters to hold at their nominal values.
     tried : list of Tried
-        Comparisons with simpler models.
+        Comparisons of models with and without an additional effect.
     """
 
     setup: Setup
@@ -106,7 +106,7 @@ class Search:
     tried: list[Tried] = field(default_factory=list)
 
     def result(self) -> Candidate:
-        """Return the fit of the model that describes the log best, or of the stated model."""
+        """Return the fit of the best model, among the models that the options allow."""
         if not self.known:
             guess = rough_guess(self.setup.model, self._seen) if self._seen else self._rigid
             self.setup = self.setup.having({n: guess[n] for n in self.setup.names if n in guess})
@@ -115,7 +115,7 @@ class Search:
 
     @cached_property
     def _rigid(self) -> dict[str, float]:
-        """Rough parameters of a rigid axis, from its momentum; empty for any other axis."""
+        """Rough parameters of a rigid axis from its momentum. Empty for any other model."""
         log, names = self.setup.log, self.setup.names
         window = max(round(WINDOW / log.period), 1)
         impulse = log.period * np.convolve(log.u, np.ones(window), "valid")
@@ -125,13 +125,13 @@ class Search:
         return {n: float(values[n]) for n in names} if {*names} <= {*values} else {}
 
     def _rubbed(self, best: Candidate) -> Candidate:
-        """Return a candidate with dry friction if friction is stated or simulates better."""
+        """Add dry friction if the options require it, or if it improves the simulation."""
         kind, model = self.friction, self.setup.model
         able = "speed_motor" in model.states and "J_m" in model.parameters
         if kind in FRICTION and not (able or model.laws):
             raise LogError(
-                f"--friction {kind} needs a state speed_motor and a parameter J_m, and the model "
-                f"{model.name} lacks one: write a [[law]] in the TOML, or use --friction none"
+                f"--friction {kind} needs a model with a state speed_motor and a parameter J_m, "
+                f"unlike {model.name}. Write a [[law]] in the TOML file, or use --friction none"
             )
         if not able or model.laws:
             return best
@@ -148,12 +148,12 @@ class Search:
         better = self._taken("dry friction", best, dry, "f_c")
         if kind == "none" or better is best or not dry.lacks:
             return best if kind == "none" else better
-        return self._taken("Stribeck's hump", dry, candidate(*self._law(dry, "stribeck")), "f_s")
+        return self._taken("Stribeck effect", dry, candidate(*self._law(dry, "stribeck")), "f_s")
 
     def _taken(self, name: str, best: Candidate, other: Candidate, *sure: str) -> Candidate:
         """Compare two candidates, add the comparison to `tried`, and return the better candidate.
 
-        The other candidate is returned only if one of the parameters `sure` differs significantly
+        The candidate `other` is returned only if one of the parameters `sure` differs significantly
         from 0.
         """
         taken = best.better(other) and other.sure(*sure)
@@ -161,7 +161,7 @@ class Search:
         return other if taken else best
 
     def _falling(self, best: Candidate) -> Candidate:
-        """Return a candidate with gravity if gravity is stated or simulates better."""
+        """Add gravity if the options require it, or if it improves the simulation."""
         log, asked = self.setup.log, self.gravity == "sine"
         if not asked and (self.gravity == "none" or np.ptp(log.angle[log.ok]) < TURN):
             return best
@@ -191,7 +191,7 @@ class Search:
         return setup, setup.start, lag
 
     def _early(self, best: Candidate) -> Candidate:
-        """Return a candidate with a torque that acts before it is logged if the fit requires it."""
+        """Allow a torque that acts before it is logged, if this improves the simulation."""
         fitted, setup = best.fitted, best.setup
         if setup.log.smooth or setup.delay is not None or fitted.z[-1] > setup.earliest:
             return best
@@ -218,7 +218,7 @@ class Search:
             # a log of slow motion shows no peak at the resonance, so several resonances are tried
             for resonance in np.geomspace(seen.omega[0], FASTEST / setup.log.period, RUNGS):
                 rung = setup.having(rough_guess(setup.model, seen, resonance))
-                if not np.array_equal(rung.start, setup.start):  # equal without a resonance
+                if not np.array_equal(rung.start, setup.start):  # equal if no mode exists
                     places.append((rung.start, 0.0))
         return places
 
@@ -230,13 +230,13 @@ class Search:
         return None
 
     def _response(self, level: float = 0.0, floor: float = STRONG) -> Spectra:
-        """Return the frequency response from the torque minus dry friction of a given level."""
+        """Return the frequency response to the torque minus dry friction of a given level."""
         log = self.setup.log
         u = log.u - level * np.sign(log.y)
         return measured_response(u[log.ok], log.y[log.ok], period=log.period, floor=floor)
 
     def _places(self, setup: Setup, level: float = 0.0, floor: float = STRONG) -> list[Place]:
-        """Return initial parameters and delays [s]."""
+        """Return pairs of initial parameters and an initial delay [s]."""
         places = list[Place]()
         linear = replace(setup.model, laws=())
         own = tuple(name for name in setup.names if name in linear.parameters)
@@ -260,8 +260,8 @@ class Search:
         best = min(fits, key=lambda fitted: fitted.square)
         if not np.isfinite(best.square):
             raise LogError(
-                "from no initial values could the log be simulated: give nominal values of the "
-                "correct order of magnitude with --start NAME=VALUE"
+                "the log could not be simulated from any initial values. Give nominal values of "
+                "the correct order of magnitude with --start NAME=VALUE"
             )
         return candidate(setup, best.z[: len(setup.names)], float(best.z[-1]))
 

@@ -94,7 +94,7 @@ def test_units_of_the_header(head, units, tmp_path):
 def test_an_index_in_brackets_is_no_unit_and_no_other_joint_is_meant(tmp_path):
     log = written(tmp_path, table("time,tau[1],q[3]"))
     assert log.columns.keys() == {"time", "tau[1]", "q[3]"} and not log.units
-    with pytest.raises(LogError, match=r"no column 'tau\[3\]'.*There are") as raised:
+    with pytest.raises(LogError, match=r"no column 'tau\[3\]'.*The columns are") as raised:
         pick(log, checked(LogMap, {"torque": "tau[3]", "angle": "q[3]"}, ""))
     assert "mean 'tau[1]'" not in str(raised.value)
     with pytest.raises(LogError, match=r"Did you mean 'tau\[1\]'"):
