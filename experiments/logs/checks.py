@@ -37,7 +37,7 @@ LOWEST = 0.1  # fraction of the power of the torque that counts as low-frequency
 _TURN = 2 * np.pi
 RATIOS = {"speed=rpm": 60 / _TURN, "speed=deg/s": 360 / _TURN, "speed=rev/s": 1 / _TURN,
           "angle=deg": _TURN / 360}  # fmt: skip
-"""Ratio of the logged speed to the slope of the angle for each wrong unit."""
+"""Ratio of speed to slope of the angle if a signal has the unit in the key but is read as SI."""
 _MEASURED = re.compile(r"meas|actual|\bact\b|_act|current|_ad|feedback|\bi_?q\b|effort", re.I)
 _COMMAND = re.compile(r"ref|cmd|command|set|desired|demand|target", re.I)
 
@@ -158,7 +158,7 @@ def units(raw: Raw, period: float) -> Row:
     if not assumed:
         return "ok", "all units are stated or certain"
     taken = ", ".join(f"{name} in {SI[name]}" for name in assumed)
-    text = f"the assumed units are {taken}. A wrong unit scales the estimates without any warning"
+    text = f"assumed units: {taken}. A wrong unit scales the estimates without any warning"
     return "note", text, " ".join(f"--unit {name}={SI[name]}" for name in assumed)
 
 

@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 GIVEN = ("k_T", "r")  # torque scale and gear ratio, which no log of a single axis determines
 KINDS = ("auto", "none", *FRICTION)
 GRAVITY = ("auto", "none", "sine")
-# maximum difference from half a sample at which a delay suggests that a smooth torque was held
+# maximum difference between a delay and half a sample that suggests a held torque [samples]
 HELD = 0.02
 MOST = 500_000  # maximum number of samples in a fit
 

@@ -126,7 +126,7 @@ def on_clock(raw: Raw) -> Raw:
     if len(back):
         k = int(back[0]) + 1
         before, after = time[k - 1] - time[0], time[k] - time[0]
-        text = f"time changes from {before:.9g} s to {after:.9g} s after the start at row {k}"
+        text = f"at row {k}, the time since the start changes from {before:.9g} s to {after:.9g} s"
         if after < 0.05 * before:
             raise LogError(
                 f"{text}: a new log begins there; select one with --rows 0:{k} or --rows {k}:. If "
@@ -160,7 +160,7 @@ def _on_grid(raw: Raw, *, smooth: bool, rate: float | None) -> tuple[Record, str
     if period > SLOWEST or (period >= 1 and "time" not in raw.unit):
         raise LogError(
             f"a sampling period of {period:.3g} s is too long for an axis. Is the time in ms, us "
-            "or ns? Give the unit, such as --unit time=us. If s is correct, give --unit time=s"
+            "or ns? Give the unit, such as --unit time=us. If it is in s, give --unit time=s"
         )
     time = raw.time[0] + period * np.arange(index[-1] + 1.0)
     off = raw.time - time[index]

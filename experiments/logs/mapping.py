@@ -89,7 +89,7 @@ class Raw:
 
     @property
     def linear(self) -> bool:
-        """Whether the axis is linear, which is recognised by a length in the unit of the motion."""
+        """Whether the axis is linear, so that the unit of its motion is based on a length."""
         units = (self.unit.get(name, "") for name in MOTIONS)
         return any(re.match(r"([numck]?m|in)(/|$)", unit) for unit in units)
 

@@ -1,4 +1,4 @@
-"""A model of a log, with its identified parameters, their bounds, and the fit."""
+"""Define and solve the fit of a model to a log."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from flexaxis.experiments.logs.signals import CLEAR, Log, noise_of
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-REACH = 1e3  # factor from the initial value of a linear model's parameter to either of its bounds
-LATEST = 0.01, 4  # s, and samples: the maximum delay is the greater of the two
-EARLIEST = -2.0  # samples, minimum delay of a smooth torque
+REACH = 1e3  # factor between the initial value and both bounds of a parameter of a linear model
+LATEST = 0.01, 4  # maximum delay in s and in samples; the greater of the two applies
+EARLIEST = -2.0  # minimum delay of a smooth torque [samples]
 SETTLING = 4  # number of steps in which the initial states of stretches are fitted
 FAR = 100.0  # bound of the initial states, relative to the greatest output
 
 
 @dataclass(frozen=True)
 class Setup:
-    """A model for a log.
+    """A log, and a model with the options of its fit to this log.
 
     Attributes
     ----------
@@ -39,9 +39,9 @@ class Setup:
     names : tuple of str
         Names of the identified parameters.
     delay : float or None
-        Known delay of the torque [s]; None if the delay is identified.
+        Known delay of the torque [s], or None if the delay is identified.
     box : mapping of str to (float, float)
-        Bounds of those parameters that do not have the default bounds (see `REACH`).
+        Bounds of parameters. All other parameters have the default bounds (see `REACH`).
     beside : mapping of str to ndarray (N,)
         Additional torques, each multiplied by an identified gain of the same name.
     early : float
@@ -58,10 +58,10 @@ class Setup:
 
     @cached_property
     def begins(self) -> list[int]:
-        """Indices at which stretches with an unknown initial state begin: the start and after gaps.
+        """Indices of the start and of gap ends at which a new initial state is estimated.
 
-        The state of soft bristles and an angle after a gap cannot be determined. A model with such
-        states has a single stretch.
+        The state of soft bristles and an angle cannot be determined after a gap. For a model with
+        such a state, only the start is returned.
         """
         bends = any(isinstance(law.parameters.get("stiffness"), str) for law in self.model.laws)
         turns = any(name.startswith("angle") for name in self.model.states)
@@ -75,10 +75,10 @@ class Setup:
 
     @cached_property
     def ok(self) -> Flags:
-        """Samples (N,) that are fitted.
+        """Flags (N,) of the samples that are fitted.
 
-        The first sample of a stretch is excluded, and samples in which the unknown torque of a gap
-        acts.
+        The first sample of each stretch is excluded. Samples in which the unknown torque of a gap
+        still acts are also excluded.
         """
         ok = self.log.ok.copy()
         for begin in self.begins[1:]:
@@ -102,14 +102,14 @@ class Setup:
         return self.model.parametrize(self.names).theta
 
     def problem(self, without: Flags | None = None) -> Problem:
-        """Return the least-squares problem of the setup, without the held-out samples."""
+        """Return the least-squares problem of the fit, without the samples flagged in `without`."""
         log, begins = self.log, tuple(self.begins)
         model = SIGNALS[log.output].predicted(self.model, log.period).parametrize(self.names)
         beside = np.array([*self.beside.values()]).reshape(-1, len(log.u))
         along = Trajectory(model, log.u, log.period, log.smooth, begins, beside)
         held = np.zeros(along.q, bool)
         held[-1] = self.delay is not None
-        for state in along.states:  # initial states of laws cannot be determined and are forgotten
+        for state in along.states:  # initial states of laws are unknown, and have no lasting effect
             held[state.start + len(self.model.states) : state.stop] = True
         if log.resting:
             held[along.states[0]] = True
@@ -133,7 +133,7 @@ class Setup:
         return lower, upper
 
     def _first(self, along: Trajectory) -> Array:
-        """Return the guessed initial states of stretches.
+        """Return a guess of the initial states of all stretches.
 
         The motor speed starts at the measured speed, or at 0 if the measured speed is only noise.
         All other states, and all states of a log that begins at rest, start at 0.
@@ -150,9 +150,10 @@ class Setup:
         self, z: Array | None = None, lag: float = 0.0, *, without: Flags | None = None,
         **options: Any,
     ) -> Fitted:  # fmt: skip
-        """Fit the setup, starting at parameters `z` and a delay `lag` [s], or at all unknowns `z`.
+        """Fit the model, starting at the parameters `z` and the delay `lag` [s].
 
-        By default, the fit starts at the nominal values. `options` are those of `Problem.fit`.
+        By default, the fit starts at the nominal values. If `z` contains all unknowns, `lag` is
+        ignored. The `options` are those of `Problem.fit`.
         """
         problem, z = self.problem(without), self.start if z is None else z
         if len(z) != problem.trajectory.q:
@@ -160,7 +161,7 @@ class Setup:
         return problem.fit(z, **options)
 
     def begun(self, problem: Problem, theta: Array, offset: float, delay: float) -> Fitted:
-        """Fit all unknowns except parameters and delay with a few steps, assuming white noise."""
+        """Fit all unknowns except parameters and delay in a few steps, assuming white noise."""
         along, held = problem.trajectory, problem.held.copy()
         held[: len(theta)] = held[-1] = True
         rest, gains = replace(problem, held=held), np.zeros(along.first - len(theta))
@@ -173,7 +174,7 @@ class Setup:
         return replace(self, model=replace(self.model, nominal=nominal))
 
     def part(self, most: int) -> Setup:
-        """Return the setup for the stretch of at most `most` samples with the greatest torque."""
+        """Return the setup for the part of at most `most` samples with the greatest torque."""
         piece = self.log.part(most)
         beside = {name: values[piece] for name, values in self.beside.items()}
         return replace(self, log=self.log.cut(piece), beside=beside)

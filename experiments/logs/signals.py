@@ -1,4 +1,4 @@
-"""Gaps, resolution, update rate and wrapping of signals; the signals for an identification."""
+"""Analyse the signals of a log, and prepare these signals for an identification."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 RESTING = 0.05  # maximum speed of an axis at rest, relative to the standard deviation of the speed
-FIRST, CLEAR = 5, 3.0  # number of samples that determine the first speed; factor on their noise
+FIRST, CLEAR = 5, 3.0  # number of samples that determine the initial speed; factor on their noise
 UNKNOWN, ROOM = 30, 2e7  # maximum number of unknown states after gaps, and of their derivatives
 LONGEST = 200_000  # maximum number of samples of a signal that are examined
-STRAIGHT = 1e-3  # maximum relative second difference on a line
-MOST_KNOTS, BENDS = 21, 0.95  # updates are at most 20 samples apart; fraction of changes at them
+STRAIGHT = 1e-3  # maximum relative second difference of samples on a straight line
+MOST_KNOTS, BENDS = 21, 0.95  # maximum samples between updates, plus 1; share of changes at updates
 MOVING = 3.0  # minimum move of a signal between updates, in steps of its resolution
 ROUNDING = 1e-3  # rounding error of the range of an angle, in turns
-SMALL = 0.1  # relative to the range of a counter: maximum move per sample, and unused range
+SMALL = 0.1  # maximum move per sample, and maximum unused range, relative to a counter's range
 
 
 def gaps_of(ok: Flags) -> NDArray[np.int64]:
-    """Return start and stop indices (m, 2) of each run of False in flags (N,).
+    """Return the start and stop indices (m, 2) of all runs of False in flags (N,).
 
     Examples
     --------
@@ -44,7 +44,7 @@ def liveliest(x: Array, length: int) -> slice:
 
 
 def resolution(values: Array) -> float:
-    """Return the quantisation step of a signal; 0 if its values are not on a grid.
+    """Return the quantisation step of a signal, or 0 if the signal is not quantised.
 
     Examples
     --------
@@ -58,16 +58,16 @@ def resolution(values: Array) -> float:
         return 0.0
     multiples = steps / steps.min()
     counts = np.rint(multiples)
-    # by chance, a tenth of the multiples is within 0.05 of a whole number
+    # for random values, a tenth of the multiples are within 0.05 of a whole number
     lattice = np.mean(np.abs(multiples - counts) < 0.05) > 0.9
     return float(steps.sum() / counts.sum()) if lattice else 0.0
 
 
 def rhythm(values: Array) -> tuple[int, int, bool]:
-    """Return the number of samples between updates, the first update, and whether lines join them.
+    """Return the update interval in samples, the first update, and whether lines join the updates.
 
-    Between updates, a signal is held or interpolated linearly. The result is 1, 0, False if the
-    signal is updated at every sample, or if its resolution is too coarse to detect the updates.
+    Between updates, a signal is held or interpolated linearly. The result is ``(1, 0, False)`` if
+    the signal is updated at every sample, or if its resolution is too coarse to detect updates.
 
     Examples
     --------
@@ -84,7 +84,7 @@ def rhythm(values: Array) -> tuple[int, int, bool]:
         return 1, 0, False
     for lines in (True, False):
         change = np.abs(np.diff(x, 2)) if lines else moves
-        straight, most = np.percentile(change, [40, 99])  # along lines, half or more is rounding
+        straight, most = np.percentile(change, [40, 99])  # on lines, at least half is rounding
         bent = change > max(STRAIGHT * most, 4 * straight)
         for n in range(2, MOST_KNOTS):
             share = [bent[r::n].sum() / max(bent.sum(), 1) for r in range(n)]
@@ -96,9 +96,9 @@ def rhythm(values: Array) -> tuple[int, int, bool]:
 def unwrapped(angle: Array) -> tuple[Array, float]:
     """Return an unwrapped angle, and the range [rad] after which it wrapped, or 0.
 
-    An angle wraps if its range is one turn and it jumps by more than half of this range, or if its
-    range is a larger whole number of turns (a counter) and it jumps by nearly the whole range. Any
-    other angle is not changed, because unwrapping would corrupt an angle that moves by more than
+    An angle with a range of one turn wraps if it jumps by more than half a turn. An angle with a
+    range of several whole turns (a counter) wraps if it jumps by nearly the whole range. Any other
+    angle is returned unchanged, because unwrapping would corrupt an angle that moves by more than
     half a turn per sample.
 
     Examples
@@ -137,7 +137,7 @@ class Log:
     resting : bool
         Whether the log begins at rest.
     angle : ndarray (N,)
-        Motor angle times the gear ratio [rad]; if no angle was measured, the speed is integrated.
+        Motor angle times the gear ratio [rad]. A missing angle is computed from the speed.
     """
 
     u: Array
@@ -159,14 +159,14 @@ class Log:
     def begins(self, states: int, later: int) -> list[int]:
         """Return the indices at which stretches with an unknown initial state begin.
 
-        Stretches begin at the start of the log and after its longest gaps, because the torque in a
-        gap is unknown, and so is the state after the gap. In all other gaps, the torque is
+        Stretches begin at the start of the log and after its longest gaps. The torque in a gap is
+        unknown, so the state after the gap is also unknown. In all other gaps, the torque is
         interpolated linearly.
 
         Parameters
         ----------
         states : int
-            Number of unknown states after a gap; with 0, no stretch begins after a gap.
+            Number of unknown states after a gap. If it is 0, no stretch begins after a gap.
         later : int
             Number of samples after a gap in which the unknown torque of the gap still acts.
         """
@@ -179,7 +179,7 @@ class Log:
         return [first, *sorted({end + later for _, end in longest if end + later < len(self.ok)})]
 
     def part(self, most: int) -> slice:
-        """Return the stretch of at most `most` samples with the greatest torque."""
+        """Return the part of at most `most` samples with the greatest torque."""
         return liveliest(np.where(self.ok, self.u, 0.0), most)
 
     def cut(self, piece: slice) -> Log:
@@ -189,13 +189,13 @@ class Log:
 
 
 def log_of(record: Record, axis: Axis) -> Log:
-    """Return the signals of a record; the torque includes known additional torques of the axis."""
+    """Return the signals of a record. The torque includes the known gravity torque of the axis."""
     output, y = output_of(record)
     angle = np.cumsum(y) * record.period if record.angle is None else record.angle
     angle = axis.model.nominal.get("r", 1.0) * angle
     beside = columns_beside(angle) if axis.beside else {}
     ok = usable(record)
-    # noise may increase the speed of an axis at rest
+    # because of noise, the measured speed of an axis at rest may differ from 0
     still = abs(float(np.mean(y[:FIRST]))) < RESTING * float(np.std(y)) + CLEAR * noise_of(y)
     return Log(
         u=record.torque + sum(gain * beside[name] for name, gain in axis.beside.items()),
@@ -210,11 +210,11 @@ def log_of(record: Record, axis: Axis) -> Log:
 
 
 def columns_beside(angle: Array) -> dict[str, Array]:
-    """Return a dict of the regressors (N,) of gravity; the keys are the names of their gains.
+    """Return a dict of the regressors (N,) of gravity. The keys are the names of their gains.
 
-    The regressors are −sin φ and −cos φ, where φ is the mean of the angle over the sample that
-    follows. The mean is that of a cubic polynomial through four angles. The mean of two angles
-    would be wrong by T²/12 times the acceleration, which an inertia of the wrong size imitates.
+    The regressors are −sin φ and −cos φ, where φ is the mean angle over the next sampling period.
+    This mean is computed from a cubic polynomial through four angles. The mean of two angles would
+    have an error of T²/12 times the acceleration, which would bias the estimate of the inertia.
     """
     weights = np.array([-1, 13, 13, -1]) / 24
     mean = np.convolve(np.pad(angle, (1, 2), "edge"), weights, "valid")
@@ -222,5 +222,5 @@ def columns_beside(angle: Array) -> dict[str, Array]:
 
 
 def noise_of(y: Array) -> float:
-    """Return the standard deviation of white noise in a signal, from differences y[k+2] − y[k]."""
+    """Return the standard deviation of white noise in a signal, from y[k+2] − y[k]."""
     return float(median_abs_deviation(y[2:] - y[:-2], scale="normal")) / np.sqrt(2)

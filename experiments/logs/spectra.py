@@ -1,4 +1,4 @@
-"""Averaged spectra of torque and motion, and a fit to the measured frequency response."""
+"""Compute averaged spectra of torque and motion, and fit a model to a frequency response."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from flexaxis.experiments.logs.findings import LogError
 
 Array = NDArray[np.float64]
 
-SEGMENT = 4.0  # s, length of the pieces over which spectra are averaged
+SEGMENT = 4.0  # length of the pieces over which spectra are averaged [s]
 PIECES = 6  # minimum number of pieces of a short log
-COHERENT = 0.8  # minimum coherence of a frequency that is used
+COHERENT = 0.8  # minimum coherence at a frequency that is used
 SUREST = 0.95  # coherence above which model errors exceed the noise
-LATEST = 4.0  # samples, maximum delay of the search
+LATEST = 4.0  # maximum delay in the search [samples]
 STRONG = 0.01  # minimum power in the excited band, relative to the median power of the torque
 SPREAD = (0.0, *[0.6] * 3)  # standard deviations of the logarithms of the initial values
 
@@ -58,12 +58,12 @@ class Spectra:
 
     @property
     def coherence(self) -> Array:
-        """Fraction of the power of the motion that the torque explains (M,)."""
+        """Fraction (M,) of the power of the motion that the torque explains."""
         return np.abs(self.cross) ** 2 / np.maximum(self.torque * self.motion, 1e-300)
 
 
 def spectra(u: Array, y: Array, period: float, *, pieces: int = 2) -> Spectra:
-    """Compute averaged spectra of two signals; a linear trend is removed from each piece.
+    """Compute averaged spectra of two signals, after removal of a linear trend from each piece.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def measured_response(u: Array, y: Array, *, period: float, floor: float = 0.0) 
     period : float
         Sampling period [s].
     floor : float
-        Minimum power of the torque at a frequency, relative to the median that is weighted by
+        Minimum power of the torque at a frequency, relative to the power-weighted median of the
         power. At frequencies with less power, drift and disturbances may be coherent with the
         torque.
 
@@ -106,9 +106,9 @@ def measured_response(u: Array, y: Array, *, period: float, floor: float = 0.0) 
     seen = (s.frequency > 0) & (s.coherence > COHERENT) & (s.torque >= floor * middle)
     if seen.sum() < 10:
         raise LogError(
-            f"the torque explains the output at {int(seen.sum())} frequencies only: columns are "
-            "swapped or shifted, or the excitation is too small or too slow: log a multisine, or "
-            "try --model one_mass"
+            f"the torque explains the output at {int(seen.sum())} frequencies only. Either columns "
+            "are swapped or shifted, or the excitation is too small or too slow. Log a multisine, "
+            "or try --model one_mass"
         )
     return Spectra(*(values[seen] for values in vars(s).values()))
 
@@ -124,8 +124,9 @@ def fit_response(
 ) -> tuple[Array, float]:
     """Fit parameters and the delay of the torque to a measured frequency response.
 
-    The fit minimises the error of the logarithm, so that resonances and antiresonances have equal
-    weight. Several initial values near the nominal values avoid local minima.
+    The fit minimises the error of the logarithm of the response, so that resonances and
+    antiresonances have equal weight. Several initial values near the nominal values avoid local
+    minima.
 
     Parameters
     ----------
@@ -134,7 +135,7 @@ def fit_response(
     response : Spectra
         Measured frequency response.
     identify : sequence of str
-        Parameters to fit; the estimates keep the signs of the nominal values.
+        Parameters to fit. The estimates keep the signs of the nominal values.
     period : float
         Sampling period [s].
     output : {"speed", "increment"}
@@ -179,7 +180,7 @@ def fit_response(
             for start in starts
         ]  # fmt: skip
     except ValueError as error:
-        raise LogError("from these values the model has no finite response") from error
+        raise LogError("the model has no finite response at these initial values") from error
     best = min(fits, key=lambda fit: float(fit.cost)).x
     return chosen.theta * np.exp(best[:p]), max(float(best[p] * period), earliest)
 
@@ -187,10 +188,10 @@ def fit_response(
 def rough_guess(
     model: Model, response: Spectra, resonance: float | None = None
 ) -> dict[str, float]:
-    """Return a rough guess of the parameters of a shipped model; empty for other models.
+    """Return a rough guess of the parameters of a built-in model. Empty for other models.
 
-    The guess is computed from the total inertia, because |G| ≈ 1/(ω J) at low frequencies, and from
-    the resonance [rad/s]. The default resonance is the highest peak of ω |G|.
+    The guess depends on the total inertia J and the resonance [rad/s]. At low frequencies, the
+    response |G| ≈ 1/(ω J) gives J. The default resonance is the highest peak of ω |G|.
     """
     guess = MODELS[model.name].guess if model.name in MODELS else None
     if guess is None:

@@ -34,15 +34,15 @@ from flexaxis.sim.record import Record
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-WHITE = 0.1  # correlation of a residual with its past below which the residual is called white
+WHITE = 0.1  # maximum magnitude of the autocorrelation of a residual that is called white
 OFF = 0.1  # minimum relative difference from the identified value that is reported
-WINDOW = 1.0  # s, window in which the motion is compared with that of the model
-STOPPED = 0.2  # ratio of the motion to that of the model below which the axis is blocked
+WINDOW = 1.0  # window in which the measured motion is compared with the simulated motion [s]
+STOPPED = 0.2  # ratio of measured to simulated motion below which the axis is blocked
 
 
 @dataclass(frozen=True)
 class Tracked:
-    """The result of an estimator on a record.
+    """The result of running an estimator on a record.
 
     Attributes
     ----------
@@ -57,7 +57,7 @@ class Tracked:
     last, nominal : ndarray (p,)
         Median of the last fifth of the estimates, and nominal values.
     usable : ndarray (N,) of bool
-        Samples in which changes are looked for.
+        Samples that are used to detect changes.
     fit : float
         Fit [%] of a simulation with the last estimates.
     alarms : ndarray (M,)
@@ -86,7 +86,7 @@ class Tracked:
         return int(bool(self.changes) or any(one.kind == "problem" for one in self.findings))
 
     def save(self, path: Path, *, estimator: str) -> None:
-        """Write a NetCDF-4 file of the estimates, with standard deviations if they are reported.
+        """Write the estimates, and their standard deviations if known, to a NetCDF-4 file.
 
         Raises
         ------
@@ -102,10 +102,11 @@ def track(
 ) -> Tracked:
     """Run an estimator on a record, and find changes of parameters.
 
-    The estimator reads the delayed torque and the output after both have passed the whitening
-    filter of the axis. The filter is linear, so the model is valid for the filtered signals, and
-    their residuals are white, as the estimator assumes. For an axis with nonlinear laws the signals
-    are not filtered, because a nonlinear law is not valid for filtered signals.
+    The estimator reads the delayed torque and the output after both have passed through the
+    whitening filter of the axis. The filter is linear, so the model is also valid for the filtered
+    signals. The residuals of the filtered signals are white, as the estimator assumes. For an axis
+    with nonlinear laws, the signals are not filtered, because a nonlinear law is not valid for
+    filtered signals.
 
     Parameters
     ----------
@@ -132,7 +133,7 @@ def track(
     u, y, output = whiten(torque), whiten(log.y), log.output
     if lawful:
         u, y = torque, log.y
-        if output == "increment" and record.angle is not None:  # its rounding is white
+        if output == "increment" and record.angle is not None:  # rounding of an angle is white
             y, output = record.angle, "angle"
     estimator = _build(spec, axis, identify, start, period=log.period, output=output, torque=u)
     names = tuple(estimator.names)
@@ -152,8 +153,8 @@ def track(
     residual, psi = look(last)
     if not np.isfinite(residual.sum() + psi.sum()):
         raise LogError(
-            "the estimates diverged, or a simulation with the last estimates does: identify the "
-            "axis first, or choose another estimator"
+            "the estimates diverged, or a simulation with the last estimates diverges. Identify "
+            "the axis first, or choose another estimator"
         )
     changes, unseen = changes_along(look, record.time[good], last, names)
     powers = zip(map(physical, names), last, strict=True)
@@ -175,13 +176,13 @@ def track(
         begin, end = record.time[stopped][[0, -1]]
         texts.append(
             f"the motor stands still between {begin:.1f} s and {end:.1f} s although the torque "
-            "should move it, as if it were blocked; these samples are not used"
+            "should move it. The motor is probably blocked, so these samples are ignored"
         )
     infos = [
         f"fit of a simulation from the torque alone: {checked.fit.percent:.1f} %",
-        f"the residual correlates with its past by {past:.3f}; white residuals by less than "
-        f"{WHITE}",
-        *[f"alarms of the estimator: {int(alarms.sum())}"] * bool(alarms.any()),
+        f"the largest autocorrelation of the residual is {past:.3f}; a white residual has less "
+        f"than {WHITE}",
+        *[f"number of alarms of the estimator: {int(alarms.sum())}"] * bool(alarms.any()),
     ]
     findings += [Finding("note", text) for text in texts] + [Finding("info", x) for x in infos]
     spread = None if claimed is None else np.sqrt(np.abs(np.diagonal(claimed, axis1=1, axis2=2)))
@@ -192,7 +193,7 @@ def track(
 
 
 def _idle(y: Array, simulated: Array, torque: Array, period: float) -> tuple[Flags, Flags]:
-    """Return samples (N,) in which the axis is blocked, and samples with a small torque.
+    """Return flags (N,) of samples with a blocked axis, and flags of samples with a small torque.
 
     The axis is blocked if it stands still although the model moves. Samples with a small torque are
     excluded from the search for changes, because a brake would look like a change of a parameter.
@@ -205,7 +206,7 @@ def _idle(y: Array, simulated: Array, torque: Array, period: float) -> tuple[Fla
 
 
 def default_estimator(axis: Axis) -> str:
-    """Return the recommended estimator for an axis, which depends on whether the axis has laws."""
+    """Return the recommended estimator for an axis with or without nonlinear laws."""
     return RECOMMENDED if axis.model.laws else "ekf"
 
 
@@ -219,7 +220,7 @@ def _build(
     output: str,
     torque: Array,
 ) -> Estimator:
-    """Build an estimator for the axis from its model, or from its values for user code."""
+    """Build an estimator from the model of an axis, or user code from the nominal values."""
     model = axis.model
     model.parametrize(identify)  # raises an error for unknown names
     values = dict(model.nominal)
@@ -227,8 +228,8 @@ def _build(
         values[name] *= start**power
     if model.laws and not spec.is_users and not REGISTRY[spec.name].laws:
         raise LogError(
-            f"the axis has laws, such as dry friction, but {spec.text} needs a linear model: "
-            f"use --estimator {RECOMMENDED}"
+            f"the axis has nonlinear laws, such as dry friction, but {spec.text} needs a linear "
+            f"model. Use --estimator {RECOMMENDED}"
         )
     own: dict[str, Any] = {"noise": axis.noise}
     if model.laws:
@@ -242,7 +243,7 @@ def _build(
     # an estimator for models with laws may also track parameters of the laws
     if estimator.output != output or names[: len(identify)] != tuple(identify):
         raise EstimatorError(
-            f"{spec.text} estimates {', '.join(names)} from {estimator.output!r}, instead of "
-            f"{', '.join(identify)} from {output!r}"
+            f"{spec.text} estimates {', '.join(names)} from {estimator.output!r}, but should "
+            f"estimate {', '.join(identify)} from {output!r}"
         )
     return estimator

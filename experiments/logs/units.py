@@ -1,4 +1,4 @@
-"""Names (English, German, French) and units of the signals of a log; a writer of such logs."""
+"""Define names and units of the signals of a log, and write a record as a log."""
 
 from __future__ import annotations
 
@@ -69,11 +69,11 @@ WORDS = {
     "angle": ("angle", "position", "motorwinkel", "winkel"),
     "speed": ("speed", "velocity", "drehzahl", "geschwindigkeit", "vitesse"),
 }
-"""Recognised column names of each signal, the preferred name first; case is ignored."""
+"""Recognised English, German and French column names, the preferred name first, in any case."""
 
 
 def spelt(text: str, kind: str = "") -> str:
-    """Return a unit in the spelling of `UNITS`; ``nm`` is a length for an angle, else a torque."""
+    """Convert a unit to the spelling of `UNITS`. For an angle, ``nm`` is nm, and otherwise N m."""
     plain = re.sub(r"[\s·*.^-]", "", text).replace("µ", "u").replace("μ", "u")
     if any(plain in table for table in UNITS.values()) and (plain != "nm" or kind == "angle"):
         return plain
@@ -99,7 +99,7 @@ def write_log(
     gaps: int = 0,
     counts: int = 0,
 ) -> None:
-    """Write a record as the CSV file of a robot, with columns such as ``angle [deg]``, time first.
+    """Write a record as a CSV file like the log of a robot, with columns such as ``angle [deg]``.
 
     Parameters
     ----------
@@ -112,9 +112,10 @@ def write_log(
     units : sequence of str
         Units of signals, such as ``("deg", "A")``; all other signals are in SI units.
     gaps : int
-        Number of gaps, each of up to `LONGEST_GAP` samples; their rows are omitted.
+        Number of gaps. Each gap omits up to `LONGEST_GAP` rows.
     counts : int
-        Encoder counts per turn of the motor, to which the angle is rounded; 0 for no rounding.
+        Encoder counts per turn of the motor. The angle is rounded to these counts, unless the value
+        is 0.
 
     Raises
     ------
@@ -125,7 +126,7 @@ def write_log(
     if wrong := [unit for unit in units if unit not in known]:
         raise LogError(f"--units: {unknown('unit', wrong[0], known)}")
     if min(gaps, counts) < 0:
-        raise LogError("--gaps, --counts: give 0 or more")
+        raise LogError("--gaps and --counts must be 0 or more")
     n, signals = len(record.time), {name: getattr(record, name) for name in SI}
     if counts and record.angle is not None:
         step = 2 * np.pi / counts

@@ -1,4 +1,4 @@
-"""Decide whether estimates can be used, given their log or another one, and suggest remedies."""
+"""Decide whether the estimates from a log can be used, and validate them on another log."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ Flags = NDArray[np.bool_]
 
 POOR = 10.0  # maximum difference between the expected and the actual fit of the same axis [%]
 MATCHED = 50.0  # minimum fit of a correct model [%]
-LAGS = 20  # number of samples of the past with which a residual is correlated
+LAGS = 20  # number of lags of the autocorrelation of a residual
 BLIND = 0.5  # relative standard deviation above which a log does not determine a parameter
 APART = 0.99  # negative correlation above which a log determines only the sum of two parameters
 EARLY = 3.0  # significant difference of a delay from its bound, in standard deviations
-HALF = 0.5  # samples by which a measured torque, a mean over the sample before it, may act early
-FILTERED = 0.5  # samples of delay above which a speed may be filtered
-NOISY = 1.2  # maximum ratio of simulation error to noise that noise explains
+HALF = 0.5  # time by which a measured torque may act early [samples], if it is a mean value
+FILTERED = 0.5  # delay above which a speed may be low-pass filtered [samples]
+NOISY = 1.2  # ratio of simulation error to noise above which the model is considered wrong
 HIDDEN = 30.0  # fit [%] below which sensor steps or noise hide the motion
 MISSING = 0.07  # maximum fraction of the samples that may be missing in many gaps
 SMOOTHER = {"two_mass": "one_mass", "three_mass": "two_mass"}
@@ -37,7 +37,7 @@ SMOOTHER = {"two_mass": "one_mass", "three_mass": "two_mass"}
 def judged(
     search: Search, best: Candidate, chosen: Candidate, fit: float, changes: Sequence[Change]
 ) -> list[Finding]:
-    """Return the findings on an identification, one sentence per finding.
+    """Return the findings on an identification.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ def judged(
         Search that found the model.
     best : Candidate
         Best candidate of the search.
-    chosen : Answer
+    chosen : Candidate
         Fit of the same model to the whole log.
     fit : float
         Fit of a simulation of the held-out pieces [%].
@@ -65,45 +65,46 @@ def judged(
     lag, sd, period = float(fitted.z[-1]), float(chosen.deviations[-1]), log.period
     free, least = setup.delay is None, HALF * log.smooth
     compared = "; ".join(
-        f"{one.name} {'taken' if one.taken else 'not taken'} ({one.before:.4g} → {one.after:.4g})"
+        f"{one.name} {'added' if one.taken else 'not added'} ({one.before:.4g} → {one.after:.4g})"
         for one in search.tried
     )
     rows: list[tuple[Kind, bool, str]] = [
         ("problem", wrong,
-         f"a simulation explains {fit:.0f} % of pieces that it was not fitted to, so the model "
-         "does not describe this motion (backlash, a brake or a wrong column could be the reason); "
-         "try another --model, or start nearer with --start NAME=VALUE"),
+         f"a simulation explains only {fit:.0f} % of the held-out pieces, so the model does not "
+         "describe this motion. Possible reasons are backlash, a brake or a wrong column. Try "
+         "another --model, or give better initial values with --start NAME=VALUE"),
         ("problem", fit < HIDDEN and not wrong,
-         f"steps of the sensor or noise hide the motion: a simulation explains {fit:.0f} %; lower "
-         f"the rate, for example with --resample {0.2 / period:.3g}, or excite more"),
+         f"a simulation explains only {fit:.0f} %, because sensor steps or noise hide the motion. "
+         f"Reduce the rate, for example with --resample {0.2 / period:.3g}, or excite the axis "
+         "more"),
         ("problem", not fitted.converged,
-         "the fit did not converge; start from these estimates with --start NAME=VALUE, or fix "
+         "the fit did not converge. Start from these estimates with --start NAME=VALUE, or fix "
          "the least certain parameter with --fix NAME=VALUE"),
         ("problem", rubs,
-         "dry friction improves the simulation, and a linear model mistakes dry friction for "
-         "viscous friction; use --friction auto"),
+         "dry friction improves the simulation, but --friction none excludes it. The estimate of "
+         "viscous friction is therefore wrong. Use --friction auto"),
         ("problem", lost,
-         f"{100 * missing:.0f} % of the samples are missing, in {gaps} gaps with unknown torque; "
-         "the estimates are wrong; log without loss, use a part with --rows A:B, or, if only the "
-         "time stamps are rounded, give --rate HZ"),
+         f"{100 * missing:.0f} % of the samples are missing, in {gaps} gaps. The torque in these "
+         "gaps is unknown, so the estimates are wrong. Record a log without missing samples, or "
+         "select a part with --rows A:B. If only the time stamps are rounded, give --rate HZ"),
         *(("problem", True, _change(one, period)) for one in changes[:1]),
         *_unseen(search, chosen),
         ("problem", free and lag >= max(setup.latest * (1 - 1e-9), EARLY * sd),
          f"the torque acts at least {1e3 * lag:.3g} ms after it is logged, so the torque and "
-         "motion columns are out of step; shift one of them, or give --delay S"),
+         "motion columns are not synchronous. Shift one of these columns, or give --delay S"),
         ("problem" if log.smooth else "note", free and lag < -least * period - EARLY * sd,
-         f"the torque acts {-lag / period:.2f} samples before it is logged, which is impossible: "
-         "its column is late or filtered. The estimates are valid for the shifted column; shift it "
-         "by whole samples, or log the torque before its filter"),
+         f"the torque acts {-lag / period:.2f} samples before it is logged, which is impossible. "
+         "The torque column is late or filtered. The estimates are valid for a shifted column. "
+         "Shift the column by whole samples, or log the torque before its filter"),
         ("problem",
          free and log.output == "speed" and best.lacks and lag > FILTERED * period,
          f"the speed is behind a low-pass of about {1e3 * lag:.1g} ms, or has another lag that a "
-         "delay does not explain, so inertias and springs are wrong by a few per cent; log the "
-         "angle, or the speed before its filter"),
+         "delay does not explain. Inertias and stiffnesses are therefore wrong by a few per cent. "
+         "To avoid this error, log the angle, or log the speed before its filter"),
         ("note", best.lacks,
-         "the simulation error exceeds the noise: an effect is missing in the model"),
+         "the simulation error exceeds the noise, so an effect is missing in the model"),
         ("info", bool(compared),
-         f"compared by the error of a simulation of held-out pieces: {compared}"),
+         f"effects tested by the simulation error of held-out pieces [rad/s]: {compared}"),
     ]  # fmt: skip
     return [Finding(kind, text) for kind, holds, text in rows if holds]
 
@@ -111,10 +112,10 @@ def judged(
 def _change(one: Change, period: float) -> str:
     """Return a sentence on a change within the log, with a remedy."""
     k = round(one.time / period)
-    part = f"one part, with --rows 0:{k} or --rows {k}:"
+    part = f"one part of the log with --rows 0:{k} or --rows {k}:"
     if one.kind == "drift":
-        part = "a shorter part, with --rows A:B, as the estimate is a mean over the log"
-    return f"{one.text}: identify {part}, and follow it with flexaxis track"
+        part = "a shorter part of the log with --rows A:B to avoid a mean over the drift"
+    return f"{one.text}. Identify {part}, and track the change with flexaxis track"
 
 
 def _unseen(search: Search, chosen: Candidate) -> Iterator[tuple[Kind, bool, str]]:
@@ -130,30 +131,30 @@ def _unseen(search: Search, chosen: Candidate) -> Iterator[tuple[Kind, bool, str
     if len(unseen) > 2 and len(unseen) >= len(names) - 1:
         smaller = SMOOTHER.get(search.setup.model.name, "one_mass")
         text = (
-            f"the log determines none of {', '.join(names)}: the excitation is too small or too "
-            f"slow for this model; try --model {smaller}"
+            f"the log determines none of {', '.join(names)}. The excitation is too small or too "
+            f"slow for this model. Try --model {smaller}"
         )
         yield "problem", True, text
         return
     grave = bool(unseen.keys() & ends) or 2 * len(unseen) > len(names)
     for name, one in unseen.items():
-        known = "it may be 0" if one >= 1 else f"it is known to ±{100 * one:.0f} %"
-        known = "it is at a bound of the search" if name in ends else known
-        remedy = f"fix it with --fix {name}=VALUE, or excite more where it acts"
+        known = "the value may be 0" if one >= 1 else f"the uncertainty is ±{100 * one:.0f} %"
+        known = "the estimate is at a bound of the search" if name in ends else known
+        remedy = f"Fix {name} with --fix {name}=VALUE, or use a motion that depends on {name}"
         if name == "f_c":
-            remedy = "use --friction none, or a longer log with slow and fast motion"
+            remedy = "Use --friction none, or a longer log with slow and fast motion"
         elif other := _summed(chosen, name):
-            remedy = f"only {name} + {other} is known: give --fix {name}=0; {other} is then the sum"
-        text = f"the log does not determine {name}: {known}; {remedy}"
+            remedy = f"Only the sum {name} + {other} is known. Give --fix {name}=0 to estimate it"
+        text = f"the log does not determine {name}: {known}. {remedy}"
         yield "problem" if grave else "note", True, text
 
 
 def _summed(chosen: Candidate, name: str) -> str:
     """Return another parameter if the log determines only its sum with the parameter `name`.
 
-    The result is an empty text if there is no such parameter. Otherwise, the estimates of both
-    parameters have a correlation near −1 and equal standard deviations. The function ignores masses
-    and springs as `name`, because they cannot be 0.
+    In this case, the estimates of both parameters have a correlation near −1 and equal standard
+    deviations. The result is an empty string if there is no such parameter, or if `name` is an
+    inertia or a stiffness, which cannot be 0.
     """
     names, covariance = chosen.setup.names, chosen.fitted.covariance
     i = names.index(name)
@@ -182,19 +183,19 @@ class Fit:
     size: float
 
     def unlike(self, usual: float | None) -> str:
-        """Return a sentence that this is another axis, or an empty text if it is the same axis.
+        """Return a sentence if the log does not match the axis, else an empty string.
 
-        It is the same axis if its simulation error, or its fit, is near the usual one. With the
-        same error, the fit of a log with less motion is worse.
+        The log matches the axis if the simulation error or the fit is near the expected value. The
+        fit alone is not enough, because a log with less motion has a worse fit at the same error.
         """
         expected = MATCHED + POOR if usual is None else 100 * (1 - usual / self.size)
         if self.percent > 0 and (self.percent >= expected - POOR or self.error <= (usual or 0.0)):
             return ""
-        told = "" if usual is None else f", where its usual error would leave {expected:.1f} %"
+        told = "" if usual is None else f", but {expected:.1f} % is expected"
         return (
-            f"a simulation from the torque fits by only {self.percent:.1f} %{told}: this is "
-            "another axis or another motion, or torque or angle has another unit or sign; compare "
-            "units and scales with those of the first log, or identify again"
+            f"a simulation from the torque explains only {self.percent:.1f} %{told}. Either the "
+            "log is from another axis or motion, or the torque or the angle has another unit or "
+            "sign. Compare units and scales with those of the first log, or identify the axis again"
         )
 
 
@@ -213,7 +214,7 @@ def fit_of(y: Array, residual: Array, ok: Flags) -> Fit:
 
 
 def correlation(white: Array) -> float:
-    """Return the largest correlation of a residual (N,) with its `LAGS` previous values."""
+    """Return the largest autocorrelation of a residual (N,), by magnitude, up to lag `LAGS`."""
     e = white - white.mean()
     past = [e[:-lag] @ e[lag:] / (e @ e) for lag in range(1, LAGS + 1)]
     return float(max(past, key=abs))
@@ -230,7 +231,7 @@ class Validation:
     fit : Fit
         Accuracy of the simulation.
     unlike : str
-        Sentence that the log belongs to another axis; empty if it is the same axis.
+        Sentence that explains a mismatch of log and axis, or an empty string if they match.
     """
 
     time: Array
@@ -241,7 +242,7 @@ class Validation:
 
 
 def validate(record: Record, axis: Axis) -> Validation:
-    """Simulate a record with an identified axis; only initial states are fitted to the record.
+    """Simulate a record with an identified axis, and fit only the initial states to the record.
 
     Parameters
     ----------
@@ -262,6 +263,6 @@ def validate(record: Record, axis: Axis) -> Validation:
     problem.held[-2] = True  # the offset is known
     fitted = setup.begun(problem, setup.start, axis.offset, axis.delay)
     if not np.isfinite(fitted.residual).all():
-        raise LogError("the axis cannot be simulated over this log: is it the same axis?")
+        raise LogError("the axis cannot be simulated over this log. Is the log from this axis?")
     fit = fit_of(log.y, fitted.residual, setup.ok)
     return Validation(record.time, log.y, log.y - fitted.residual, fit, fit.unlike(axis.usual))

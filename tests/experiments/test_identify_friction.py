@@ -53,7 +53,7 @@ def test_a_linear_axis_gets_no_law():
     found = identify(log(1, 0, "multisine", seed=0, seconds=20.0), find_axis("one_mass"))
     assert found.friction == "none" and not found.warnings
     assert not any(tried.taken for tried in found.tried)
-    assert "dry friction not taken" in " ".join(one.text for one in found.findings)
+    assert "dry friction not added" in " ".join(one.text for one in found.findings)
 
 
 @pytest.mark.slow
@@ -113,7 +113,7 @@ def test_a_validation_can_fail(found, record, tmp_path, capsys):
     other = log(1, 10, "moves", seed=1, seconds=20.0)
     assert validate(other, found.axis).unlike == ""
     heavier = validate(replace(other, torque=0.5 * other.torque), found.axis)
-    assert "a simulation from the torque fits by" in heavier.unlike
+    assert "a simulation from the torque explains only" in heavier.unlike
     turned = validate(replace(other, torque=-other.torque), replace(found.axis, error=None))
     assert turned.fit.percent < 0 and "unit or sign" in turned.unlike
     here, there = tmp_path / "here.nc", tmp_path / "there.nc"
@@ -121,13 +121,13 @@ def test_a_validation_can_fail(found, record, tmp_path, capsys):
     replace(other, torque=0.5 * other.torque).save(there)
     words = ["identify", here, "--model", "one_mass", "-o", tmp_path / "axis.toml"]
     assert main([*map(str, words), "--validate", str(there)]) == 1
-    assert "on the other log, a simulation from the torque fits" in capsys.readouterr().out
+    assert "on the other log, a simulation from the torque explains" in capsys.readouterr().out
 
 
 def test_less_motion_is_a_poorer_fit_and_no_contradiction():
     assert Fit(80.0, 0.2, 1.0).unlike(0.2) == ""
-    assert "usual error would leave 80.0 %" in Fit(60.0, 0.4, 1.0).unlike(0.2)
-    assert "fits by only -3.0 %" in Fit(-3.0, 0.1, 0.097).unlike(0.1)
+    assert "80.0 % is expected" in Fit(60.0, 0.4, 1.0).unlike(0.2)
+    assert "explains only -3.0 %" in Fit(-3.0, 0.1, 0.097).unlike(0.1)
 
 
 def test_an_axis_knows_the_rate_of_its_noise(found, tmp_path):
