@@ -99,7 +99,7 @@ class Identification:
 
     @property
     def correlation(self) -> float:
-        """Largest autocorrelation of the whitened residual, by magnitude."""
+        """The autocorrelation of the whitened residual at the lag with the largest magnitude."""
         return correlation(self.answer.fitted.white[self.answer.fitted.good])
 
     @property
@@ -145,10 +145,10 @@ def identify(
     delay : float, optional
         Known delay of the torque [s]. By default, the delay is identified.
     friction : {"auto", "none", "coulomb", "stribeck"}
-        Law of dry friction of the motor; ``"auto"`` adds a law if this law improves the simulation
+        Law of dry friction of the motor. ``"auto"`` adds a law if this law improves the simulation
         of held-out pieces of the record. Laws in the axis file are kept.
     gravity : {"auto", "none", "sine"}
-        Additional torque that depends on the sine and cosine of the measured angle; ``"auto"`` adds
+        Additional torque that depends on the sine and cosine of the measured angle. ``"auto"`` adds
         this torque if it improves the simulation of held-out pieces.
 
     Raises

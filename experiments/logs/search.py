@@ -85,9 +85,9 @@ class Search:
     known : bool
         True if the nominal values are given or identified, False if they are a rough guess.
     friction : {"auto", "none", "coulomb", "stribeck"}
-        Law of dry friction; ``"auto"`` adds a law if the log requires it.
+        Law of dry friction. ``"auto"`` adds a law if this law improves the simulation.
     gravity : {"auto", "none", "sine"}
-        Torque of gravity; ``"auto"`` adds this torque if the log requires it.
+        Torque of gravity. ``"auto"`` adds this torque if it improves the simulation.
     levels : mapping of str to float
         Values of parameters of the friction law. Parameters in `fix` keep these values. For all
         other parameters, the values are initial values of the fit.
@@ -115,7 +115,7 @@ class Search:
 
     @cached_property
     def _rigid(self) -> dict[str, float]:
-        """Rough parameters of a rigid axis from its momentum. Empty for any other model."""
+        """Rough parameters of a rigid axis from its momentum, or an empty dict for other models."""
         log, names = self.setup.log, self.setup.names
         window = max(round(WINDOW / log.period), 1)
         impulse = log.period * np.convolve(log.u, np.ones(window), "valid")

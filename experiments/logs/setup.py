@@ -161,7 +161,7 @@ class Setup:
         return problem.fit(z, **options)
 
     def begun(self, problem: Problem, theta: Array, offset: float, delay: float) -> Fitted:
-        """Fit all unknowns except parameters and delay in a few steps, assuming white noise."""
+        """Fit all unknowns except the parameters and the delay, assuming white noise."""
         along, held = problem.trajectory, problem.held.copy()
         held[: len(theta)] = held[-1] = True
         rest, gains = replace(problem, held=held), np.zeros(along.first - len(theta))

@@ -188,7 +188,7 @@ def fit_response(
 def rough_guess(
     model: Model, response: Spectra, resonance: float | None = None
 ) -> dict[str, float]:
-    """Return a rough guess of the parameters of a built-in model. Empty for other models.
+    """Return a rough guess of the parameters of a built-in model, or an empty dict for others.
 
     The guess depends on the total inertia J and the resonance [rad/s]. At low frequencies, the
     response |G| ≈ 1/(ω J) gives J. The default resonance is the highest peak of ω |G|.

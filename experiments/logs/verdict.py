@@ -214,7 +214,7 @@ def fit_of(y: Array, residual: Array, ok: Flags) -> Fit:
 
 
 def correlation(white: Array) -> float:
-    """Return the largest autocorrelation of a residual (N,), by magnitude, up to lag `LAGS`."""
+    """Return the autocorrelation of a residual (N,) with the largest magnitude, up to `LAGS`."""
     e = white - white.mean()
     past = [e[:-lag] @ e[lag:] / (e @ e) for lag in range(1, LAGS + 1)]
     return float(max(past, key=abs))
