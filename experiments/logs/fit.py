@@ -152,7 +152,9 @@ def deviations_of(setup: Setup, fitted: Fitted) -> Array:
     """
     white = np.diag(fitted.covariance)
     free, log, variance = white > 0, setup.log, white.copy()
-    for key in (None, abs(log.y), log.angle):
+    # intervals of the measured speed would sort the samples by their noise, too
+    speed = abs(log.y - fitted.residual)
+    for key in (None, speed, log.angle):
         scatter = jackknife(fitted.gradient[free], fitted.white, fitted.good, key)
         variance[free] += np.maximum(scatter**2 - white[free], 0.0)
     off = np.maximum(abs(fitted.step()), EXACT * abs(fitted.z))

@@ -65,6 +65,11 @@ def test_a_validation_on_another_log_fits_with_the_law_alone(found, record):
     assert validate(other, linear.axis).fit.percent < good.fit.percent - 5
 
 
+def test_without_errors_of_the_model_deviations_are_those_of_the_noise(found):
+    white = found.answer.fitted.deviations[: len(found.names)]
+    assert np.all((found.deviations >= white) & (found.deviations < 2 * white))
+
+
 @pytest.mark.slow
 def test_a_constant_torque_is_an_estimate_and_no_friction():
     found = identify(
