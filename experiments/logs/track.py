@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter1d, uniform_filter1d
+from scipy.ndimage import find_objects, label, maximum_filter1d, uniform_filter1d
 from scipy.signal import lfilter
 
 from flexaxis.estimators import RECOMMENDED
@@ -37,6 +37,7 @@ Flags = NDArray[np.bool_]
 WHITE = 0.1  # maximum magnitude of the autocorrelation of a residual that is called white
 OFF = 0.1  # minimum relative difference from the identified value that is reported
 WINDOW = 1.0  # window in which the measured motion is compared with the simulated motion [s]
+LONG = 20  # rows; a longer gap with an unknown torque leaves an unknown speed after it
 STOPPED = 0.2  # ratio of measured to simulated motion below which the axis is blocked
 
 
@@ -163,6 +164,14 @@ def track(
     # after a change, no single value of the parameter fits the whole log
     fits = bool(changes) or (abs(past) < WHITE and axis.usual is None)
     findings = [Finding("problem", checked.unlike)] * bool(checked.unlike and not fits)
+    for (gap,) in find_objects(label(~valid_of(record))[0]):
+        if gap.stop - gap.start > LONG and gap.start > 0 and gap.stop < len(record.time):
+            text = (
+                f"{gap.stop - gap.start} rows are missing at {record.time[gap.start]:.1f} s. The "
+                "torque in this gap is not known, so estimates and changes after it can be wrong. "
+                f"Import the part after the gap alone, with --rows {gap.stop}:"
+            )
+            findings.append(Finding("problem", text))
     texts = [change.text for change in changes]
     texts += [f"this log does not show whether {', '.join(unseen)} changed"] * bool(unseen)
     if not (findings or texts):

@@ -93,6 +93,16 @@ def test_a_brake_from_outside_is_no_change_of_friction(tmp_path, capsys):
     assert "stands still between 17" in (tmp_path / "log-track.html").read_text(encoding="utf-8")
 
 
+def test_a_long_gap_is_a_problem(tmp_path, capsys):
+    """The torque in it is not known; a change after it would be told with a wrong size."""
+    kept = np.ones(N, bool)
+    kept[2000:2150] = False
+    status, result = tracked(tmp_path, capsys, kept=kept)
+    assert status == 1
+    (problem,) = result["doubts"]
+    assert "150 rows are missing at 8.0 s" in problem and "--rows 2150:" in problem
+
+
 @pytest.mark.parametrize("gaps", [1, 5, 40])
 def test_gaps_are_no_changes(gaps, tmp_path, capsys):
     rng, kept = np.random.default_rng(gaps), np.ones(N, bool)
