@@ -36,7 +36,7 @@ def test_initial_P_is_given_or_measured_or_known(nominal, loop):
     assert make(nominal, 0.005, P0=[1e-3, 1e-3, 1e-3]).P[0, 0] == 1e-3
     swapped = make(nominal, 0.005, identify=("f_m", "k_T", "1/J_a"))
     np.testing.assert_allclose(np.diag(swapped.P), [4.69e-6, 2.97e-4, 5.19e-5])
-    with pytest.raises(EstimatorError, match="give P0, or the torque of a nominal run"):
+    with pytest.raises(EstimatorError, match="specify P0 or the torque of a nominal run"):
         make(nominal, 0.005, identify=("k_a",))
     assert make(nominal, 0.005, identify=("k_a",), torque=loop.u[:4000]).P[0, 0] > 0
 
@@ -70,7 +70,7 @@ def test_stored_P_is_of_its_axis_alone(nominal, changes, period, identify, known
     if known:
         np.testing.assert_allclose(found, known_P(identify, forgetting=0.995))
     else:
-        with pytest.raises(EstimatorError, match="give P0, or the torque of a nominal run"):
+        with pytest.raises(EstimatorError, match="specify P0 or the torque of a nominal run"):
             make(nominal | changes, period, identify=identify)
 
 
