@@ -78,7 +78,7 @@ def test_a_folder_that_cannot_be_written_is_told_in_a_line(copy, tmp_path):
     nowhere.touch()
     value, words = ended(start(copy, nowhere))
     assert value == "6.0"
-    assert "no cache folder can be written" in words and words.count("\n") == 1
+    assert "no cache folder is writable" in words and words.count("\n") == 1
     assert not list(copy.rglob("*.nbi"))
 
 
