@@ -164,14 +164,7 @@ def track(
     # after a change, no single value of the parameter fits the whole log
     fits = bool(changes) or (abs(past) < WHITE and axis.usual is None)
     findings = [Finding("problem", checked.unlike)] * bool(checked.unlike and not fits)
-    for (gap,) in find_objects(label(~valid_of(record))[0]):
-        if gap.stop - gap.start > LONG and gap.start > 0 and gap.stop < len(record.time):
-            text = (
-                f"{gap.stop - gap.start} rows are missing at {record.time[gap.start]:.1f} s. The "
-                "torque in this gap is not known, so estimates and changes after it can be wrong. "
-                f"Import the part after the gap alone, with --rows {gap.stop}:"
-            )
-            findings.append(Finding("problem", text))
+    findings += _long_gaps(record)
     texts = [change.text for change in changes]
     texts += [f"this log does not show whether {', '.join(unseen)} changed"] * bool(unseen)
     if not (findings or texts):
@@ -199,6 +192,20 @@ def track(
         names, record.time, theta, spread, last, model.theta, good, checked.fit.percent,
         record.time[alarms], changes, findings,
     )  # fmt: skip
+
+
+def _long_gaps(record: Record) -> list[Finding]:
+    """Return a problem for each gap of more than `LONG` rows within a record."""
+    findings = []
+    for (gap,) in find_objects(label(~valid_of(record))[0]):
+        if gap.stop - gap.start > LONG and gap.start > 0 and gap.stop < len(record.time):
+            text = (
+                f"{gap.stop - gap.start} rows are missing at {record.time[gap.start]:.1f} s. The "
+                "torque in this gap is not known, so estimates and changes after it can be wrong. "
+                f"Import the part after the gap alone, with --rows {gap.stop}:"
+            )
+            findings.append(Finding("problem", text))
+    return findings
 
 
 def _idle(y: Array, simulated: Array, torque: Array, period: float) -> tuple[Flags, Flags]:
