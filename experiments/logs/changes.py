@@ -169,7 +169,7 @@ def clause(name: str, one: Change | Explained, size: float, begin: str, end: str
 
 
 def changes_along(
-    look: Look, time: Array, theta: Array, names: Sequence[str]
+    look: Look, time: Array, z: Array, names: Sequence[str]
 ) -> tuple[list[Change], list[str]]:
     """Find changes of parameters in a record by least squares.
 
@@ -179,12 +179,13 @@ def changes_along(
     Parameters
     ----------
     look : callable
-        Function of the parameters. ``look(theta)`` returns the prediction errors ε (N,) of the
-        usable samples and the gradient ψ (N, p) of the prediction.
+        Function of the unknowns. ``look(z)`` returns the prediction errors ε (N,) of the usable
+        samples, and the gradient (N, q) of the prediction with respect to relative changes of the
+        parameters and to the initial states.
     time : ndarray (N,)
         Times of the usable samples [s].
-    theta : ndarray (p,)
-        Initial estimate.
+    z : ndarray (q,)
+        Initial values of the unknowns: the p parameters, then the unknown initial states.
     names : sequence of str
         Names of the p parameters.
 
@@ -196,12 +197,12 @@ def changes_along(
     unseen : list of str
         Parameters whose changes cannot be detected in this record.
     """
-    theta = _fitted_to(look, np.ones(len(time), bool), theta)
-    error, psi = look(theta)
-    changes, unseen = changes_in(time, error, psi * theta, names)
+    p = len(names)
+    z = _fitted_to(look, np.ones(len(time), bool), z, p)
+    changes, unseen = changes_in(time, *look(z), names)
     if changes and changes[0].kind == "step":
         at = changes[0].time
-        before, after = (_fitted_to(look, side, theta) for side in (time < at, time >= at))
+        before, after = (_fitted_to(look, side, z, p)[:p] for side in (time < at, time >= at))
         sizes = dict(zip(names, (after / before - 1).tolist(), strict=True))
         changes = [replace(one, relative=sizes[one.name]) for one in changes if one.time == at]
     else:
@@ -264,10 +265,10 @@ def _windows(time: Array, error: Array, J: Array, p: int) -> tuple[Array, Array,
     return time[np.array([k[[0, -1]] for k in parts])][seen], x[seen], sd[seen]
 
 
-def _fitted_to(look: Look, inside: Flags, theta: Array) -> Array:
-    """Fit the parameters (p,) to the samples `inside` with a few least-squares steps."""
+def _fitted_to(look: Look, inside: Flags, z: Array, p: int) -> Array:
+    """Fit the unknowns (q,), `p` of them parameters, to the samples `inside` by least squares."""
     for _ in range(STEPS):
-        error, psi = look(theta)
-        step = np.linalg.lstsq((psi * theta)[inside], error[inside])[0]
-        theta = theta * np.clip(1 + step, 1 / REACH, REACH)
-    return theta
+        error, J = look(z)
+        step = np.linalg.lstsq(J[inside], error[inside])[0]
+        z = np.r_[z[:p] * np.clip(1 + step[:p], 1 / REACH, REACH), z[p:] + step[p:]]
+    return z

@@ -2,30 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import find_objects, label, maximum_filter1d, uniform_filter1d
+from scipy.ndimage import maximum_filter1d, uniform_filter1d
 from scipy.signal import lfilter
 
 from flexaxis.estimators import RECOMMENDED
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.offline.prediction_error import settled
-from flexaxis.estimators.offline.predictor import predict
 from flexaxis.estimators.offline.trajectory import delayed
 from flexaxis.estimators.protocol import Estimator
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.estimators.signals import SIGNALS
 from flexaxis.experiments.logs.axis_file import Axis, valid_of
 from flexaxis.experiments.logs.changes import Change, changes_along
 from flexaxis.experiments.logs.findings import Finding, LogError
-from flexaxis.experiments.logs.signals import log_of
-from flexaxis.experiments.logs.verdict import correlation, validate
+from flexaxis.experiments.logs.setup import Setup
+from flexaxis.experiments.logs.signals import gaps_of, log_of
+from flexaxis.experiments.logs.verdict import correlation, fit_of, validate
 from flexaxis.experiments.running.estimate import run_on, write_estimates
 from flexaxis.experiments.running.estimators import Spec, make_estimator
 from flexaxis.experiments.scoring.parameter_names import physical
@@ -37,7 +37,7 @@ Flags = NDArray[np.bool_]
 WHITE = 0.1  # maximum magnitude of the autocorrelation of a residual that is called white
 OFF = 0.1  # minimum relative difference from the identified value that is reported
 WINDOW = 1.0  # window in which the measured motion is compared with the simulated motion [s]
-LONG = 20  # rows; a longer gap with an unknown torque leaves an unknown speed after it
+LONG = 20  # rows; in a longer gap, a line between its ends does not describe the torque
 STOPPED = 0.2  # ratio of measured to simulated motion below which the axis is blocked
 
 
@@ -127,85 +127,114 @@ def track(
     LogError, EstimatorError
         If a name is unknown, or if the estimator cannot be built or run.
     """
-    axis.check_rate(record.period)
-    log, lawful = log_of(record, axis), bool(axis.model.laws)
+    nominal = validate(record, axis)
+    log, lawful, order = log_of(record, axis), bool(axis.model.laws), len(axis.whitening)
     torque = delayed(log.u, axis.delay / log.period, smooth=log.smooth) + axis.offset
-    whiten, order = partial(lfilter, axis.whitening, 1.0), len(axis.whitening)
-    u, y, output = whiten(torque), whiten(log.y), log.output
-    if lawful:
-        u, y = torque, log.y
-        if output == "increment" and record.angle is not None:  # rounding of an angle is white
-            y, output = record.angle, "angle"
-    estimator = _build(spec, axis, identify, start, period=log.period, output=output, torque=u)
-    names = tuple(estimator.names)
-    model = SIGNALS[log.output].predicted(axis.model, log.period).parametrize(names)
-    simulated = predict(model, model.theta, torque, period=log.period)[0]
-    stopped, quiet = _idle(log.y, simulated, torque, log.period)
-    valid = valid_of(record) & ~stopped
-    theta, claimed, alarms = run_on(estimator, u, y, valid if lawful else settled(valid, order))
-    good = settled(log.ok & ~stopped & ~quiet, order)
+    stopped, quiet = _idle(log.y, nominal.simulated, torque, log.period)
+    moving = replace(record, valid=valid_of(record) & ~stopped)
+    u, y, output, ok = torque, log.y, log.output, valid_of(moving)
+    if not lawful:
+        u, y = (lfilter(axis.whitening, 1.0, signal) for signal in (torque, log.y))
+        ok = settled(ok, order)
+    elif output == "increment" and record.angle is not None:  # rounding of an angle is white
+        y, output = record.angle, "angle"
+    build = partial(_build, spec, identify=identify, period=log.period, output=output, torque=u)
+    first = start * axis.model.parametrize(identify).theta  # raises an error for unknown names
+    estimator = build(_valued(axis, identify, first))
+    names, runs = tuple(estimator.names), list[Any]()
+    for begin, end in pairwise([0, *[end for _, end in _long_gaps(moving)], len(y)]):
+        if runs:  # after a long gap the state of the axis is unknown
+            estimator = build(_valued(axis, names, runs[-1][0][-1]))
+        runs.append(run_on(estimator, u[begin:end], y[begin:end], ok[begin:end]))
+    theta, alarms = np.concatenate([run[0] for run in runs]), np.concatenate([x[2] for x in runs])
+    spread = None
+    if runs[0][1] is not None:
+        variances = [np.diagonal(covariance, axis1=1, axis2=2) for _, covariance, _ in runs]
+        spread = np.sqrt(np.abs(np.concatenate(variances)))
+    setup = Setup(log_of(moving, axis), axis.model, names, delay=axis.delay)
+    problem = setup.problem()
+    problem.held[-2] = True  # the offset is known
     last = np.median(theta[-max(len(theta) // 5, 1) :], axis=0)
+    fitted = setup.begun(problem, last, axis.offset, axis.delay)
+    good = settled(setup.ok & ~quiet, order)
 
-    def look(theta: Array) -> tuple[Array, Array]:
-        simulated, psi = predict(model, theta, torque, period=log.period)
-        white = whiten(np.vstack([log.y - simulated, psi.T]))[:, good]
-        return white[0], white[1:].T
+    def look(z: Array) -> tuple[Array, Array]:
+        result = problem.at(z, np.asarray(axis.whitening))
+        sizes = np.r_[z[: len(names)], np.ones(len(z) - len(names))]
+        return result.white[good], result.gradient[:, good].T * sizes
 
-    residual, psi = look(last)
+    residual, psi = look(fitted.z)
     if not np.isfinite(residual.sum() + psi.sum()):
         raise LogError(
             "the estimates diverged, or a simulation with the last estimates diverges. Identify "
             "the axis first, or choose another estimator"
         )
-    changes, unseen = changes_along(look, record.time[good], last, names)
-    powers = zip(map(physical, names), last, strict=True)
-    valued = axis.having({name: float(value**power) for (name, power), value in powers})
-    checked, past = validate(replace(record, valid=valid), valued), correlation(residual)
+    time, past = record.time, correlation(residual)
+    changes, unseen = changes_along(look, time[good], fitted.z, names)
+    fit = fit_of(log.y, fitted.residual, setup.ok)
     # after a change, no single value of the parameter fits the whole log
     fits = bool(changes) or (abs(past) < WHITE and axis.usual is None)
-    findings = [Finding("problem", checked.unlike)] * bool(checked.unlike and not fits)
-    findings += _long_gaps(record)
+    unlike = fit.unlike(axis.usual) * (not fits)
+    relative = dict(zip(names, last / setup.start - 1, strict=True))
+    findings = _findings(unlike, changes, unseen, relative)
+    findings += _interruptions(record, stopped)
+    infos = [
+        f"fit of a simulation from the torque alone: {fit.percent:.1f} %",
+        f"the largest autocorrelation of the residual is {past:.3f}; a white residual has less "
+        f"than {WHITE}",
+        *[f"number of alarms of the estimator: {int(alarms.sum())}"] * bool(alarms.any()),
+    ]
+    findings += [Finding("info", text) for text in infos]
+    return Tracked(
+        names, time, theta, spread, last, setup.start, good, fit.percent, time[alarms], changes,
+        findings,
+    )  # fmt: skip
+
+
+def _findings(
+    unlike: str, changes: list[Change], unseen: list[str], relative: Mapping[str, float]
+) -> list[Finding]:
+    """Return what the log shows about changes of the parameters and about the axis."""
+    findings = [Finding("problem", unlike)] * bool(unlike)
     texts = [change.text for change in changes]
     texts += [f"this log does not show whether {', '.join(unseen)} changed"] * bool(unseen)
     if not (findings or texts):
         findings = [Finding("ok", "no parameter changed within this log")]
         texts = [
             f"the last estimate of {name} differs by {100 * by:+.1f} % from the identified value"
-            for name, by in zip(names, last / model.theta - 1, strict=True)
+            for name, by in relative.items()
             if abs(by) > OFF
         ]
+    return findings + [Finding("note", text) for text in texts]
+
+
+def _interruptions(record: Record, stopped: Flags) -> list[Finding]:
+    """Return a note for each long gap of a record, and a note if the axis was blocked."""
+    texts = [
+        f"a gap of {record.time[end] - record.time[begin]:.2g} s begins at "
+        f"{record.time[begin]:.1f} s. The torque in this gap is unknown, so the estimator restarts "
+        "after the gap from its last estimates"
+        for begin, end in _long_gaps(record)
+    ]
     if stopped.any():
         begin, end = record.time[stopped][[0, -1]]
         texts.append(
             f"the motor stands still between {begin:.1f} s and {end:.1f} s although the torque "
             "should move it. The motor is probably blocked, so these samples are ignored"
         )
-    infos = [
-        f"fit of a simulation from the torque alone: {checked.fit.percent:.1f} %",
-        f"the largest autocorrelation of the residual is {past:.3f}; a white residual has less "
-        f"than {WHITE}",
-        *[f"number of alarms of the estimator: {int(alarms.sum())}"] * bool(alarms.any()),
-    ]
-    findings += [Finding("note", text) for text in texts] + [Finding("info", x) for x in infos]
-    spread = None if claimed is None else np.sqrt(np.abs(np.diagonal(claimed, axis1=1, axis2=2)))
-    return Tracked(
-        names, record.time, theta, spread, last, model.theta, good, checked.fit.percent,
-        record.time[alarms], changes, findings,
-    )  # fmt: skip
+    return [Finding("note", text) for text in texts]
 
 
-def _long_gaps(record: Record) -> list[Finding]:
-    """Return a problem for each gap of more than `LONG` rows within a record."""
-    findings = []
-    for (gap,) in find_objects(label(~valid_of(record))[0]):
-        if gap.stop - gap.start > LONG and gap.start > 0 and gap.stop < len(record.time):
-            text = (
-                f"{gap.stop - gap.start} rows are missing at {record.time[gap.start]:.1f} s. The "
-                "torque in this gap is not known, so estimates and changes after it can be wrong. "
-                f"Import the part after the gap alone, with --rows {gap.stop}:"
-            )
-            findings.append(Finding("problem", text))
-    return findings
+def _long_gaps(record: Record) -> list[tuple[int, int]]:
+    """Return the first sample of each gap of more than `LONG` rows, and the sample after it."""
+    gaps, N = gaps_of(valid_of(record)).tolist(), len(record.time)
+    return [(begin, end) for begin, end in gaps if end - begin > LONG and begin > 0 and end < N]
+
+
+def _valued(axis: Axis, names: Sequence[str], theta: Array) -> Axis:
+    """Return a copy of the axis with the parameters `names` set to the estimates (p,)."""
+    powers = zip(map(physical, names), theta, strict=True)
+    return axis.having({name: float(value**power) for (name, power), value in powers})
 
 
 def _idle(y: Array, simulated: Array, torque: Array, period: float) -> tuple[Flags, Flags]:
@@ -227,21 +256,10 @@ def default_estimator(axis: Axis) -> str:
 
 
 def _build(
-    spec: Spec,
-    axis: Axis,
-    identify: Sequence[str],
-    start: float,
-    *,
-    period: float,
-    output: str,
-    torque: Array,
+    spec: Spec, axis: Axis, *, identify: Sequence[str], period: float, output: str, torque: Array
 ) -> Estimator:
     """Build an estimator from the model of an axis, or user code from the nominal values."""
     model = axis.model
-    model.parametrize(identify)  # raises an error for unknown names
-    values = dict(model.nominal)
-    for name, power in map(physical, identify):
-        values[name] *= start**power
     if model.laws and not spec.is_users and not REGISTRY[spec.name].laws:
         raise LogError(
             f"the axis has nonlinear laws, such as dry friction, but {spec.text} needs a linear "
@@ -252,7 +270,7 @@ def _build(
         own = {"deviations": dict(axis.deviation)}
     known = {name: value for name, value in own.items() if value}
     estimator = make_estimator(
-        spec, values if spec.is_users else replace(model, nominal=values), period,
+        spec, model.nominal if spec.is_users else model, period,
         identify=tuple(identify), output=output, torque=torque, **known,
     )  # fmt: skip
     names = tuple(estimator.names)
