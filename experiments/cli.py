@@ -1,7 +1,8 @@
-"""The command `flexaxis`: it prints results on stdout, and progress and errors on stderr.
+"""The command `flexaxis`, which prints results on stdout, and progress and errors on stderr.
 
-Each command is a function in a module of `flexaxis.experiments.commands`, registered by
-`options.command`. Slow modules are imported inside the functions, so that `--help` is fast.
+Each subcommand is a function in a module of `flexaxis.experiments.commands`. The decorator
+`options.command` registers the functions. The option `--help` is fast, because the functions import
+slow modules only when they run.
 """
 
 import argparse
@@ -41,10 +42,10 @@ exit status:
 
 
 class Parser(argparse.ArgumentParser):
-    """An argument parser that suggests the nearest known word for an unknown word."""
+    """An argument parser that suggests the most similar known word for an unknown word."""
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """Parse the command line; reject unknown options and extra words."""
+        """Parse the command line, and reject unknown options and extra words."""
         parsed, rest = super().parse_known_args(args, namespace)
         if rest:
             option = rest[0].partition("=")[0]
@@ -52,7 +53,7 @@ class Parser(argparse.ArgumentParser):
         return parsed, rest
 
     def error(self, message: str) -> NoReturn:
-        """Print the error with the nearest known word, and exit."""
+        """Print an error message that suggests a similar known word, and exit."""
         if wrong := re.search(r"invalid choice: '?([^' ]*)'? \(choose from (.*)\)", message):
             hint = did_you_mean(wrong[1], re.findall(r"[\w.-]+", wrong[2]))
             message = f"unknown {wrong[1]!r}.{hint or f' Known are {wrong[2]}.'}"
@@ -101,7 +102,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return int(args.main(args))
     except KeyboardInterrupt:
         again = args.line.replace(" --overwrite", "")
-        status, text = INTERRUPTED, f"interrupted; finished results are kept: resume with {again}"
+        status, text = INTERRUPTED, f"interrupted: to resume from the saved results, run {again}"
     except (FlexaxisError, EstimatorError) as error:
         crash = isinstance(error, EstimatorCrash | NotRun) or is_of_the_machine(error)
         status, text = CRASH if crash else WRONG_USE, str(error)

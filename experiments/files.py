@@ -16,20 +16,20 @@ PathLike = str | os.PathLike[str] | None
 
 
 class OutputError(FlexaxisError):
-    """A result file cannot be written or read."""
+    """Error if flexaxis cannot write or read a result file."""
 
 
 class StudyError(FlexaxisError):
-    """A study is invalid or cannot continue. The message has one line for each problem."""
+    """Error if a study is invalid or cannot continue, with one line for each problem."""
 
 
 class NotRun(FlexaxisError):
-    """Disk space or memory ran out before all cases were run. The same command resumes the run."""
+    """Error if disk space or memory runs out. The same command resumes the interrupted run."""
 
 
 @contextmanager
 def writing(path: Path) -> Iterator[None]:
-    """Convert an `OSError` to an `OutputError` that names the file, the reason and a remedy."""
+    """Replace an `OSError` by an `OutputError` that names the file, the reason and a remedy."""
     try:
         yield
     except OSError as error:
@@ -38,12 +38,12 @@ def writing(path: Path) -> Iterator[None]:
 
 
 def make_folder(path: Path) -> None:
-    """Create a folder and its parents.
+    """Create a folder and all missing parent folders.
 
     Raises
     ------
     OutputError
-        If the folder cannot be created, or if the path is a file.
+        If the folder cannot be created, for example because the path is a file.
     """
     with writing(path):
         path.mkdir(parents=True, exist_ok=True)
@@ -56,20 +56,20 @@ def new_file(path: Path) -> Iterator[Path]:
     Raises
     ------
     OutputError
-        If the file cannot be written. The old file is then unchanged.
+        If the file cannot be written. An existing file with this name remains unchanged.
     """
     with writing(path), atomic(path) as part:
         yield part
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text file atomically. `new_file` describes the errors."""
+    """Write a text file atomically, with the errors that `new_file` describes."""
     with new_file(path) as part:
         part.write_text(text, encoding="utf-8")
 
 
 def write_json(path: Path, content: Any) -> None:
-    """Write a value as strict, indented JSON. `new_file` describes the errors."""
+    """Write a value as indented standard JSON, with the errors that `new_file` describes."""
     text = json.dumps(content, allow_nan=False, ensure_ascii=False, indent=1)
     write_text(path, text + "\n")
 
@@ -92,20 +92,21 @@ def check_not_input(inputs: Iterable[PathLike], *outputs: PathLike) -> None:
     Parameters
     ----------
     inputs : iterable of path, str or None
-        Files that the command reads. Names that are not files, such as scenarios, are ignored.
+        Files that the command reads. The function ignores names of other objects, such as
+        scenarios.
     *outputs : path or None
         Files that the command writes.
 
     Raises
     ------
     OutputError
-        If an output and an input are the same file, even if their paths differ.
+        If an output file is also an input file, even under a different path.
     """
     read = {Path(path).resolve() for path in inputs if path and os.path.exists(path)}
     for output in outputs:
         if output and Path(output).resolve() in read:
             raise OutputError(
-                f"{output} is an input of this command and would be overwritten: choose another "
+                f"{output} is an input of this command, so it cannot be the output: choose another "
                 "path with -o"
             )
 
@@ -123,7 +124,7 @@ def optional_package(name: str) -> Any:
     Raises
     ------
     StudyError
-        If the package is not installed. The message says how to install it.
+        If the package is not installed. The message names the installation command.
     """
     try:
         return import_module(name)

@@ -1,4 +1,4 @@
-"""Commands for logs of a real axis: import, identify, track."""
+"""The commands `import`, `identify` and `track` for the logs of a real axis."""
 
 from pathlib import Path
 from typing import Any
@@ -11,17 +11,17 @@ from flexaxis.sim.errors import FlexaxisError
 
 
 def _target(args: Args, default: str, *inputs: Any) -> Path:
-    """Return the output path; raise an error if it is an input file or has a wrong suffix."""
+    """Return the output path, or raise an error if the path has a wrong suffix or is an input."""
     check_file(args.log)
     path = args.output or args.log.with_name(args.log.stem + default)
     check_not_input((args.log, args.map, *inputs), path, path.with_suffix(".html"))
     if path.suffix != Path(default).suffix:
-        raise FlexaxisError(f"-o {path}: use a name that ends in {Path(default).suffix}")
+        raise FlexaxisError(f"-o {path}: use a file name that ends in {Path(default).suffix}")
     return path
 
 
 def _saved(args: Args, result: Any, path: Path) -> int:
-    """Save a result and its report, print the result and both paths, and return the exit status."""
+    """Save and print a result with its report, and return the exit status of the command."""
     page = result.save(path)
     content = result.content | {"path": path, "report": page}
     return answer(args, content, result.status, result, path, f"report: {page}")
@@ -29,12 +29,12 @@ def _saved(args: Args, result: Any, path: Path) -> int:
 
 @command("log", "-o", *READING)
 def import_(args: Args) -> int:
-    """Convert a log of your own axis to a record, and check the quality of the data.
+    """Convert a log of your own axis to a record, and check the data quality.
 
-    LOG is a file: a text table, MAT (all versions), HDF5 or NetCDF. The command checks time stamps,
-    gaps, wrapping of the angle, clipping, the update rates of the signals, units, resolution,
-    outliers, the type of the torque signal, and signs. For each problem, it prints an option that
-    solves the problem.
+    LOG is a text table, or a MAT (all versions), HDF5 or NetCDF file. The command checks time
+    stamps, gaps, angle wrapping, clipping, update rates, units, resolution, outliers, the type of
+    the torque signal, and signs. For each problem, the command prints an option that solves the
+    problem.
 
     example:
       flexaxis import log.csv --torque current --angle motor_pos --unit angle=deg -o rec.nc
@@ -51,15 +51,15 @@ def import_(args: Args) -> int:
 def identify(args: Args) -> int:
     """Identify the parameters of your axis from a log, a record, or a folder of logs.
 
-    The model includes dry friction, gravity and similar effects if these effects improve the
-    simulation of held-out pieces of the log. The log of a single axis determines the other
-    parameters only relative to k_T, so k_T and the gear ratio r keep their values unless you use
-    --free. The exit status is 0 if the estimates are as accurate as their standard deviations
-    indicate, else 1.
+    The command adds dry friction, gravity and similar effects to the model if these effects improve
+    the simulation of held-out log segments. The log of a single axis determines the other
+    parameters only relative to k_T. Therefore k_T and the gear ratio r keep their values, unless
+    you use --free. The exit status is 1 if the estimates are less accurate than their standard
+    deviations indicate, else 0.
 
-    If you give a folder, the command reads its logs in the order of their names, and writes a CSV
-    file with one row of estimates per log. The report shows the effect of covariates and any change
-    of a parameter. The exit status is 1 if a parameter changed or a log could not be used.
+    For a folder, the command reads all logs in the order of their names, and writes a CSV file with
+    one row of estimates per log. The report shows the effects of covariates, and all parameter
+    changes. The exit status is 1 if a parameter changed, or if the command could not use a log.
 
     MODEL is one_mass, two_mass, three_mass, or the path of your own TOML file (docs/logs.md).
 
@@ -88,12 +88,12 @@ def identify(args: Args) -> int:
 
 @command("log", "--model", "--identify", "--estimator", "--start", "-o", *READING)
 def track(args: Args) -> int:
-    """Track parameters in a log of your axis, and report changes of these parameters.
+    """Track parameters in a log of your axis, and report parameter changes.
 
-    AXIS.toml is a file that `flexaxis identify` wrote. The command writes the estimates to a NetCDF
-    file, and a report with residuals, alarms, and the parameters that changed or drift. The exit
-    status is 1 if a parameter changed, or if the log does not match the axis, for example because
-    of a different unit or sign.
+    AXIS.toml is an axis file from `flexaxis identify`. The command writes the estimates to a NetCDF
+    file. The report shows residuals, alarms, parameter changes and drifts. The exit status is 1 if
+    a parameter changed, or if the log does not match the axis, for example because of a wrong unit
+    or sign.
 
     example:
       flexaxis track rec.nc --model axis.toml --identify k_T --identify 1/J_l --identify k

@@ -1,4 +1,4 @@
-"""Commands that judge estimators: compare, tune, check, new."""
+"""The commands `compare`, `tune`, `check` and `new` for the evaluation of estimators."""
 
 from pathlib import Path
 
@@ -14,16 +14,17 @@ from flexaxis.sim.errors import FlexaxisError
 def compare(args: Args) -> int:
     r"""Test whether one estimator is better or worse than another, and set the exit status.
 
-    Both estimators run on the same records, and the command compares their scores seed by seed. If
-    you give the folders of two finished runs, the command compares the seeds that both runs
-    contain. Both runs must have the same scenarios and versions. docs/gate.md explains the
-    statistics.
+    Both estimators run on the same records, and the command compares their scores for each seed. If
+    you name the folders of two finished runs, the command compares the seeds that the two runs have
+    in common. The two runs must have the same scenarios and versions. The page docs/gate.md
+    explains the statistics.
 
-    With --match-std, both estimators are first tuned to the same noise as rpem-forgetting, and only
-    the lag is compared. Both estimators must then have a tuning parameter (docs/scores.md).
+    With --match-std, the command tunes both estimators to the noise of rpem-forgetting, and
+    compares only the lag. With this option, both estimators need a tuning parameter
+    (docs/scores.md).
 
     exit status: 0 no regression; 1 worse; 2 wrong use; 70 a crash; 3 undecided (only with --strict,
-    or if the candidate has at least two more diverged runs than the base, more failed cases, or
+    or if the candidate has at least two more diverged runs than the base, more failed runs, or
     missing runs)
 
     example:
@@ -40,7 +41,7 @@ def compare(args: Args) -> int:
         if not (args.base and args.candidate):
             raise FlexaxisError(
                 "name the estimators with --base E --candidate E, as in `flexaxis compare --base "
-                "rpem-forgetting --candidate glr fm_step`, or give two folders of finished runs"
+                "rpem-forgetting --candidate glr fm_step`, or name two folders of finished runs"
             )
         fx.check_names(args.names)
     margins = {}
@@ -62,16 +63,16 @@ def compare(args: Args) -> int:
 @command("estimators", "--sweep", "--seeds", "--save", "-o", "--jobs",
          "--overwrite", "--time-limit")  # fmt: skip
 def tune(args: Args) -> int:
-    r"""Find the setting at which an estimator is as noisy as the reference.
+    r"""Tune estimators to the noise level of the reference estimator.
 
-    The reference is rpem-forgetting with default settings. The estimator starts at the true
-    parameters and runs on the nominal axis without a fault. The measure of its noise is the excess
-    prediction error, a single number for all parameters. The command tries at most 12 settings of
-    the tuning parameter, from 1/1024 to 1024 times the default.
+    The reference estimator is rpem-forgetting with default settings. Each estimator starts at the
+    true parameters, and runs on the nominal axis without a fault. The noise measure is the excess
+    prediction error, which combines all parameters in one number. The command tries at most 12
+    values of the tuning parameter, from 1/1024 to 1024 times the default.
 
     With --sweep, the command instead runs the estimators with several settings on a scenario with a
-    fault. The results are a table and a figure of lag against noise, and the lag of each estimator
-    when it is as noisy as the reference.
+    fault. The command then prints the lag and noise of each setting, draws a figure, and prints the
+    lag of each estimator at the noise level of the reference.
 
     example:
       flexaxis tune ekf
@@ -86,7 +87,7 @@ def tune(args: Args) -> int:
     if args.sweep:
         table.plot().savefig(figure := folder / "sweep.svg")
         return answer(args, table.content | {"figure": figure}, 0, table, f"figure: {figure}")
-    match = "{setting} is as noisy as rpem-forgetting: its {match} is {ratio:.3f} times as large."
+    match = "{setting} is as noisy as rpem-forgetting: the {match} ratio is {ratio:.3f}."
     rows = table.to_dict("records")
     lines = [("{estimator} is not tuned: {problem}" if row["problem"] else match).format(**row)
              for row in rows]  # fmt: skip
@@ -95,14 +96,14 @@ def tune(args: Args) -> int:
 
 @command("estimator")
 def check(args: Args) -> int:
-    """Check that an estimator follows the rules for valid scores.
+    """Check an estimator against the rules for valid scores.
 
-    The rules concern array shapes, finite numbers, the agreement of `step` and `run`, look-ahead,
-    gaps and more. For each broken rule, the command prints the reason for the rule and a hint. The
-    command runs the code of the estimator.
+    The rules concern array shapes, finite numbers, the agreement of `step` and `run`, causality,
+    data gaps and other properties. For each broken rule, the command prints the reason for the rule
+    and a hint. The command executes the estimator code.
 
-    exit status: 0 all rules hold, 1 a rule is broken, 2 the estimator cannot be constructed, 70 its
-    constructor crashed
+    exit status: 0 all rules hold, 1 a rule is broken, 2 the estimator cannot be created, 70 the
+    constructor of the estimator crashed
 
     example:
       flexaxis check my_estimator.py:Mine
@@ -120,11 +121,11 @@ def check(args: Args) -> int:
 
 @command("path")
 def new(args: Args) -> int:
-    """Write a template for your own estimator. The template is itself a working estimator.
+    """Write a template for your own estimator. The template is already a working estimator.
 
     In Python, the template is a class. In C and GNU Octave, the template is a program that
-    communicates through a pipe. See docs/pipes.md for the protocol, which you can also use in other
-    languages.
+    communicates through a pipe. The page docs/pipes.md describes the protocol of the pipe, which
+    you can use in any language.
 
     example:
       flexaxis new my_estimator.py
@@ -134,5 +135,5 @@ def new(args: Args) -> int:
       flexaxis new my_estimator.c
     """
     lines = fx.new(args.path)
-    words = f"{args.path} estimates the motor friction f_m. Change it, then:"
+    words = f"{args.path} estimates the motor friction f_m. Change the code, then:"
     return answer(args, {"path": args.path, "next": lines}, 0, words, *(f"  {x}" for x in lines))

@@ -1,4 +1,4 @@
-"""Commands that show scenarios and estimators, the live axis and the paper."""
+"""The commands `list`, `show`, `demo` and `paper`."""
 
 from collections import Counter
 from itertools import chain
@@ -46,7 +46,7 @@ def list_(args: Args) -> int:
 
 @command("name")
 def show(args: Args) -> int:
-    """Show a scenario, a suite or an estimator with all its values.
+    """Show all settings of a scenario, a suite or an estimator.
 
     For a scenario, the command prints a description and the TOML text, which you can edit and run.
     For an estimator, the command prints the meaning and the default value of each option.
@@ -64,13 +64,13 @@ def show(args: Args) -> int:
 def demo(args: Args) -> int:
     """Inject faults into a live axis in the browser, and watch which estimator detects them first.
 
-    Estimator A is the paper's method, and estimator B is the recommended estimator. Press "motor
-    friction f_m × 2": the diagram on the right shows the remaining errors of both estimators and
-    the theoretical limit. You can pause the axis, simulate single steps, change λ, Δ, μ, noise and
-    dry friction, and choose other estimators.
+    Estimator A is the method of the paper, and estimator B is the recommended estimator. Press the
+    button "motor friction f_m × 2". The diagram on the right then shows the remaining errors of
+    both estimators and the theoretical limit. You can pause the axis, simulate single steps, change
+    λ, Δ, μ, noise and dry friction, and choose other estimators.
 
-    The page needs no network, and can be opened only on this computer. docs/demo.md explains how to
-    show the page to a class.
+    The demo page needs no network, and opens only on this computer. The page docs/demo.md explains
+    how to show the demo to a class.
 
     example:
       flexaxis demo
@@ -86,11 +86,11 @@ def demo(args: Args) -> int:
 
 @command("-o")
 def paper(args: Args) -> int:
-    """Reproduce the paper's figures and check its claims.
+    """Reproduce the figures of the paper, and check the claims of the paper.
 
-    The paper is M. Östring and S. Gunnarsson, "Recursive identification of physical parameters in a
-    flexible robot arm". The command writes index.html, claims.json, and fig3 to fig9 (.svg, .png)
-    to the folder. The exit status is 1 if a claim does not hold.
+    The paper is "Recursive identification of physical parameters in a flexible robot arm" by
+    Östring and Gunnarsson. The command writes index.html, claims.json, and fig3 to fig9 (.svg,
+    .png) to the output folder. The exit status is 1 if a claim of the paper does not hold.
 
     example:
       flexaxis paper -o results/paper

@@ -15,7 +15,7 @@ Main = Callable[[Args], int]
 
 
 COMMANDS: dict[str, tuple[Main, tuple[str, ...]]] = {}
-"""Function and option names of each command, keyed by the name of the command."""
+"""Functions and option names of all commands, keyed by command name."""
 
 
 def command(*options: str) -> Callable[[Main], Main]:
@@ -26,7 +26,7 @@ def command(*options: str) -> Callable[[Main], Main]:
     Parameters
     ----------
     *options : str
-        Names of the command's options, which `OPTIONS` defines.
+        Names of the options that the command accepts. `OPTIONS` defines these options.
     """
 
     def register(main: Main) -> Main:
@@ -47,43 +47,43 @@ def part(text: str) -> tuple[int, int]:
 PATH, SEVERAL = {"type": Path}, {"action": "append", "default": []}
 VALUES = {**SEVERAL, "type": assignment}
 NUMBER, WHOLE, ZERO = {"type": float}, {"type": int}, {"type": int, "default": 0}
-NAMES = "Suites and scenarios: names from `flexaxis list`, or paths to TOML files"
+NAMES = "Names of suites or scenarios from `flexaxis list`, or paths of TOML files"
 ESTIMATOR = (
-    "Estimator: a name from `flexaxis list estimators`, optionally with options as in "
-    "ekf[walk=0.1]; or your own, as file.py:Class, module:Class or pipe:COMMAND"
+    "Name of an estimator from `flexaxis list estimators`, optionally with settings, such as "
+    "ekf[walk=0.1]. For your own estimator, write file.py:Class, module:Class or pipe:COMMAND"
 )
 
 OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
-    "-q": "Print only results and errors (default: print progress, too).",
-    "--traceback": "Print the full traceback of a crash (default: one line).",
-    "--json": "Print one JSON object on stdout, and nothing else (default: tables and sentences).",
+    "-q": "Print only results and errors (default: also print progress messages).",
+    "--traceback": "Print the full Python traceback after a crash (default: print one line).",
+    "--json": "Print the result as one JSON object (default: print tables and sentences).",
     # inputs
-    "names SUITE|SCENARIO": (f"{NAMES} (required unless --from is given).", {"nargs": "*"}),
+    "names SUITE|SCENARIO": (f"{NAMES} (required if you do not use --from).", {"nargs": "*"}),
     "compare: names SUITE|SCENARIO|RUN": (
-        f"{NAMES} (default: the suite gate). Instead, you can give the folders of two finished "
-        "runs.", {"nargs": "*"},
+        f"{NAMES} (default: the suite gate). To compare two finished runs, write the paths of "
+        "their folders.", {"nargs": "*"},
     ),
-    "scenario SCENARIO": "Name of a scenario, or path of its TOML file.",
+    "scenario SCENARIO": "Name of a scenario, or path of a scenario file (TOML).",
     "name SCENARIO|SUITE|ESTIMATOR": "Name of a scenario, suite or estimator, or path of a TOML "
     "file.",
     "kind KIND": (
-        "Entries to list: scenarios, suites, estimators, or faults with the scenarios for each "
-        "fault (default: the groups of scenarios, and the suites).",
+        "Type of the entries to list: scenarios, suites, estimators or faults (default: groups of "
+        "scenarios, and suites).",
         {"nargs": "?", "choices": ("scenarios", "suites", "estimators", "faults")},
     ),
     "file STUDY.toml": ("TOML file that defines the study (see docs/studies.md).", PATH),
-    "record RECORD.nc": ("Record that `flexaxis simulate` or `flexaxis import` wrote.", PATH),
-    "folder DIR": ("Results folder of a run or a study.", PATH),
-    "path FILE.py|c|m": ("File to write: Python (.py), C (.c) or GNU Octave (.m).", PATH),
+    "record RECORD.nc": ("Record file that `flexaxis simulate` or `flexaxis import` wrote.", PATH),
+    "folder DIR": ("Folder with the results of a run or a study.", PATH),
+    "path FILE.py|c|m": ("File to write, in Python (.py), C (.c) or GNU Octave (.m).", PATH),
     "estimator ESTIMATOR": f"{ESTIMATOR}.",
     "estimators ESTIMATOR": (
         "Estimators to tune (default: all registered estimators with a tuning parameter).",
         {"nargs": "*"},
     ),
-    "log LOG|REC.nc": ("Log (CSV, MAT, HDF5 or NetCDF), or record.", PATH),
-    "identify: log LOG|REC.nc|FOLDER": ("Log, record, or folder of logs.", PATH),
+    "log LOG|REC.nc": ("Path of a log (CSV, MAT, HDF5 or NetCDF) or of a record.", PATH),
+    "identify: log LOG|REC.nc|FOLDER": ("Path of a log, a record, or a folder of logs.", PATH),
     "lesson LESSON.toml": (
-        "TOML file with timed actions that replace clicks (default: none).",
+        "TOML file of a lesson, whose timed actions replace mouse clicks (default: no lesson).",
         {"nargs": "?", **PATH},
     ),
     # which runs
@@ -92,122 +92,129 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "estimate: --estimator E": (f"{ESTIMATOR} (default: %(default)s).",
                                 {"default": "rpem-forgetting"}),
     "track: --estimator E": f"{ESTIMATOR} (default: ekf, or glr for an axis with dry friction).",
-    "demo: --estimator E": (f"{ESTIMATOR}. Give the option twice. Both estimators run on the same "
-                            "data (default: the estimators of the lesson, else rpem-forgetting and "
-                            "glr).", SEVERAL),
-    "--base E": "Estimator to compare the candidate with, such as old.py:Mine.",
-    "--candidate E": "Estimator to test against the base, such as new.py:Mine.",
-    "--seeds N|A:B": "Seeds: N seeds starting at 1000, or the seeds A to B-1. Use the seeds 0 to "
-    "99 for tuning, and 1000 to 4999 for results (default: the number of seeds of the suite, or 8 "
-    "for single scenarios).",
-    "compare: --seeds N|A:B": "Seeds: N seeds starting at 1000, or the seeds A to B-1 (default: "
-    "the number of seeds of the suite, 32 for single scenarios, or the common seeds of two "
-    "finished runs).",
-    "tune: --seeds N|A:B": "Seeds: N seeds starting at 1000, or the seeds A to B-1 (default: "
-    "0:16).",
-    "--sample N": ("Run only N cases, evenly spaced among all cases (default: run all cases).",
+    "demo: --estimator E": (f"{ESTIMATOR}. Write the option twice, once for each of the two "
+                            "estimators (default: the estimators of the lesson, or rpem-forgetting "
+                            "and glr).", SEVERAL),
+    "--base E": "Reference estimator of the comparison, such as old.py:Mine.",
+    "--candidate E": "Estimator to compare with the base estimator, such as new.py:Mine.",
+    "--seeds N|A:B": "Random seeds, either N seeds starting at 1000, or the seeds A to B-1. Use "
+    "the seeds 0 to 99 for tuning, and the seeds 1000 to 4999 for results (default: the number of "
+    "seeds that the suite specifies, or 8 seeds for single scenarios).",
+    "compare: --seeds N|A:B": "Random seeds, either N seeds starting at 1000, or the seeds A to "
+    "B-1 (default: the number of seeds that the suite specifies, 32 seeds for single scenarios, or "
+    "the common seeds of two finished runs).",
+    "tune: --seeds N|A:B": "Random seeds, either N seeds starting at 1000, or the seeds A to B-1 "
+    "(default: 0:16).",
+    "--sample N": ("Repeat only N runs, evenly spaced among all runs (default: repeat all runs).",
                    ZERO),
-    "--seed N": ("Random seed: the same seed gives the same run (default: 0).", ZERO),
-    "demo: --seed N": ("Random seed of excitation and noise (default: the lesson's seed, or 0).",
-                       WHOLE),
+    "--seed N": ("Random seed, which completely determines the simulation (default: 0).", ZERO),
+    "demo: --seed N": ("Random seed of the excitation and the noise (default: the seed of the "
+                       "lesson, or 0).", WHOLE),
     # how to run
-    "--jobs N": ("Number of worker processes, which does not affect the results (default: one per "
-                 "core, here %(default)s).", {"type": int, "default": os.cpu_count() or 1}),
-    "--dask ADDRESS": "Address of the scheduler of a Dask cluster that runs the cases (default: "
-    "processes on this machine).",
-    "--shard I/N": ("Run only shard I of N. `flexaxis run --from` merges finished shards (default: "
-                    "1/1).", {"type": part, "default": (1, 1)}),
-    "--from DIR": ("Merge the finished shards in these folders into the folder given by -o, "
-                   "without running any case (default: none).",
+    "--jobs N": ("Number of worker processes, which does not affect the results (default: one "
+                 "process per processor core, %(default)s on this computer).",
+                 {"type": int, "default": os.cpu_count() or 1}),
+    "--dask ADDRESS": "Address of a Dask scheduler, which distributes the runs over a cluster "
+    "(default: use only this computer).",
+    "--shard I/N": ("Divide the runs into N shards, and execute only shard I. The command "
+                    "`flexaxis run --from` merges finished shards (default: 1/1).",
+                    {"type": part, "default": (1, 1)}),
+    "--from DIR": ("Folders of finished shards. The command merges these shards in the output "
+                   "folder, and runs no estimator (default: none).",
                    {"dest": "shards", "nargs": "+", **PATH}),
-    "--overwrite": "Delete the old contents of the folder first (default: keep them, and run only "
-    "missing cases).",
-    "--time-limit S": ("Time limit for one run of your own code [s] (default: 600).", NUMBER),
-    "--dry-run": "Print the variants, the estimated time and the disk space, without running any "
-    "case (default: run the cases).",
+    "--overwrite": "Delete the old results in the output folder first (default: keep the old "
+    "results, and add only missing runs).",
+    "--time-limit S": ("Time limit for one run of your own estimator [s] (default: 600).", NUMBER),
+    "--dry-run": "Print the planned variants, the estimated time and the disk space, but run no "
+    "estimator (default: run the study).",
     # what to list
     "--group GROUP": ("List only one group of scenarios, such as steps (default: all groups).",
                       {"default": ""}),
     "--find TEXT": ("List only entries that contain this text (default: all entries).",
                     {"default": ""}),
-    "--all": "Print all lines (default: at most 60).",
+    "--all": "Print all lines of the list (default: print at most 60 lines).",
     # how to judge
-    "--max-seeds N": ("Add seeds, up to N, while the verdict is undecided (default: add none).",
-                      ZERO),
+    "--max-seeds N": ("Maximum number of seeds. The command adds seeds while the verdict is "
+                      "undecided (default: add no seeds).", ZERO),
     "--margin SCORE=%[,…]": (
-        "Largest relative change of a score that counts as negligible, for the scores lag, std, "
-        "t10, std_after, cross_talk and excess (default: lag=2%%,std=2%%).", {"default": ""},
+        "Largest negligible relative change of a score. SCORE is lag, std, t10, std_after, "
+        "cross_talk or excess (default: lag=2%%,std=2%%).", {"default": ""},
     ),
-    "--match-std": "Tune both estimators to the same noise first, and compare only the lag "
-    "(default: compare the estimators as they are).",
-    "--strict": "Exit with status 3 whenever the verdict is undecided (default: only in the cases "
-    "listed above).",
-    "--sweep SCENARIO": ("Run several settings of each estimator on this scenario, instead of "
-                         "tuning. Repeat the option for several scenarios (default: tune).",
-                         SEVERAL),
-    "--save FILE.toml": ("Also write the settings to this file (default: only print them).", PATH),
+    "--match-std": "Tune both estimators to the same noise, and compare only the lag (default: "
+    "compare the estimators without tuning).",
+    "--strict": "Use exit status 3 for every undecided verdict (default: only if runs of the "
+    "candidate are missing, failed or diverged).",
+    "--sweep SCENARIO": ("Run each estimator with several settings on this scenario, and do not "
+                         "tune the estimators. Repeat the option for several scenarios (default: "
+                         "no sweep).", SEVERAL),
+    "--save FILE.toml": ("Write the tuned settings to this file (default: only print the "
+                         "settings).", PATH),
     # logs of a real axis
-    "--model MODEL": ("Model: one_mass, two_mass, three_mass, or a TOML file (default: "
-                      "%(default)s).", {"default": "two_mass"}),
-    "track: --model AXIS.toml": ("Axis file that `flexaxis identify` wrote.", {"required": True}),
-    "--free PARAMETER": ("Identify only this parameter. Repeat the option for several (default: "
-                         "all parameters that the log determines).", SEVERAL),
-    "--fix PARAMETER[=VALUE]": ("Hold this parameter at VALUE [SI], or at its start value. Repeat "
-                                "the option for several (default: hold none).", VALUES),
+    "--model MODEL": ("Name of an axis model (one_mass, two_mass or three_mass), or path of a TOML "
+                      "file (default: %(default)s).", {"default": "two_mass"}),
+    "track: --model AXIS.toml": ("Axis file that `flexaxis identify` wrote.",
+                                 {"required": True}),
+    "--free PARAMETER": ("Identify only this parameter. Repeat the option for several parameters "
+                         "(default: all parameters that the log determines).", SEVERAL),
+    "--fix PARAMETER[=VALUE]": ("Hold this parameter constant at VALUE [SI]. Without VALUE, hold "
+                                "the parameter at its start value. Repeat the option for several "
+                                "parameters (default: hold no parameter).", VALUES),
     "identify: --start PARAMETER=VALUE": ("Start value of a parameter for the search [SI]. Repeat "
-                                          "the option for several (default: estimated from the "
-                                          "log).", VALUES),
-    "track: --start F": ("Initial estimate as a multiple of the identified value, to test "
-                         "convergence (default: 1).", {"type": float, "default": 1.0}),
-    "--delay S": ("Known delay of the torque [s] (default: the delay is identified).", NUMBER),
+                                          "the option for several parameters (default: estimate "
+                                          "the start values from the log).", VALUES),
+    "track: --start F": ("Ratio of the initial estimate to the identified value, for convergence "
+                         "tests (default: 1).", {"type": float, "default": 1.0}),
+    "--delay S": ("Known torque delay [s] (default: identify the delay from the log).", NUMBER),
     "--friction LAW": (
-        "Dry friction of the motor: none, coulomb or stribeck (default: auto, which chooses the "
-        "law that best simulates held-out pieces of the log).", {"default": "auto"},
+        "Dry friction model of the motor, which is none, coulomb or stribeck (default: auto, which "
+        "chooses the model that best simulates held-out segments of the log).", {"default": "auto"},
     ),
-    "--gravity LAW": ("Gravity torque: none, or sine for a sum of sine and cosine of the angle "
-                      "(default: auto, which chooses sine if the log contains such a torque).",
+    "--gravity LAW": ("Gravity model, which is none, or sine for a sum of sine and cosine of the "
+                      "angle (default: auto, which chooses sine if the log contains gravity).",
                       {"default": "auto"}),
-    "--validate OTHER": ("Second log, for testing the simulations and predictions of the "
-                         "identified model (default: none).", PATH),
+    "--validate OTHER": ("Second log, on which the command tests the identified model (default: no "
+                         "test).", PATH),
     "--identify PARAMETER": (
-        "Parameter to track, or its inverse, such as 1/J_l. For several, write 1/J_l,k or repeat "
-        "the option.", {"required": True, **SEVERAL},
+        "Parameter to track, or the inverse of a parameter, such as 1/J_l. For several parameters, "
+        "write 1/J_l,k or repeat the option.", {"required": True, **SEVERAL},
     ),
-    "--covariate NAME": ("Column with a quantity, such as a temperature, that may explain why the "
-                         "estimates differ between the logs of a folder. Repeat the option for "
-                         "several (default: none).", SEVERAL),
-    "--false-alarms P": ("Probability of a false alarm: the report on a folder of logs shows a "
-                         "change, although no parameter changed (default: 0.01).",
+    "--covariate NAME": ("Column with a quantity that can explain differences between the logs in "
+                         "a folder, such as a temperature. Repeat the option for several columns "
+                         "(default: none).", SEVERAL),
+    "--false-alarms P": ("Probability that the report on a folder of logs shows a change although "
+                         "no parameter changed (default: 0.01).",
                          {"type": float, "default": 0.01}),
     # the live axis
-    "--port N": ("Port of the page (default: 8080, or the next free port).", WHOLE),
-    "--no-browser": "Print only the address of the page (default: open a browser).",
+    "--port N": ("Network port of the demo page (default: 8080, or the next free port).", WHOLE),
+    "--no-browser": "Only print the address of the demo page (default: also open a browser).",
     # outputs
-    "-o PATH": "File or folder to write (default: a name in the folder of the input).",
-    "run: -o DIR": "Folder for rows, summary and report (default: results/NAME).",
-    "study: -o DIR": "Folder for rows and report (default: results/NAME).",
-    "compare: -o DIR": "Folder for rows, verdict and report (default: results/compare).",
-    "tune: -o DIR": "Folder for rows and figure (default: results/tune).",
-    "simulate: -o FILE": "File for the record or log (default: SCENARIO-SEED.nc or .csv).",
-    "estimate: -o FILE": "File for the estimates (default: RECORD-estimates.nc).",
-    "import: -o REC.nc": "File for the record (default: LOG-imported.nc).",
-    "identify: -o AXIS.toml": "File for the identified axis, or for the estimates from a folder of "
-                               "logs (default: LOG-axis.toml, or FOLDER-estimates.csv).",
-    "track: -o EST.nc": "File for the estimates (default: LOG-track.nc).",
-    "paper: -o DIR": "Folder for figures and claims (default: results/paper).",
+    "-o PATH": "Path of the output file or folder (default: a path next to the input file).",
+    "run: -o DIR": "Output folder for the scores, summary and report (default: results/NAME).",
+    "study: -o DIR": "Output folder for the scores and the report (default: results/NAME).",
+    "compare: -o DIR": "Output folder for the scores, verdict and report (default: "
+    "results/compare).",
+    "tune: -o DIR": "Output folder for the scores and the figure (default: results/tune).",
+    "simulate: -o FILE": "Output file for the record or the log (default: the file "
+    "SCENARIO-SEED.nc or SCENARIO-SEED.csv).",
+    "estimate: -o FILE": "Output file for the estimates (default: the file RECORD-estimates.nc).",
+    "import: -o REC.nc": "Output file for the record (default: the file LOG-imported.nc).",
+    "identify: -o AXIS.toml": "Output file for the identified axis, or for the estimates from a "
+    "folder of logs (default: the file LOG-axis.toml or FOLDER-estimates.csv).",
+    "track: -o EST.nc": "Output file for the estimates (default: the file LOG-track.nc).",
+    "paper: -o DIR": "Output folder for the figures and claims (default: results/paper).",
     **LOG_OPTIONS,
 }  # fmt: skip
 """All options of all commands.
 
-The key contains the name and the metavar of an option. The value is the help text of the option,
+Each key contains the name and the metavar of an option. Each value is the help text of the option,
 or a tuple of the help text and keyword arguments of `add_argument`. An option without a metavar is
 a flag. A key with a prefix such as "track: " applies only to that command, and takes precedence
-over the key without the prefix. Help texts contain the unit and the default value.
+over the key without the prefix. Each help text contains the unit and the default value.
 """
 
 
 def add_options(parser: argparse.ArgumentParser, name: str) -> None:
-    """Add the options of a command to its parser."""
+    """Add the options of a command to the argument parser of the command."""
     declared = {}
     for key, value in OPTIONS.items():
         only, _, words = key.rpartition(": ")
@@ -229,13 +236,15 @@ def answer(args: Args, content: Mapping[str, Any], status: int = 0, *lines: obje
     Parameters
     ----------
     args : Args
-        Arguments of the command line.
+        Parsed arguments of the command line.
     content : mapping
-        Result to print with ``--json``. Numbers that are not finite become null.
+        Result that the function prints with ``--json``. In the JSON object, null replaces infinite
+        numbers and NaN.
     status : int
-        Exit status, which this function returns.
+        Exit status of the command, which is also the return value of this function.
     *lines : object
-        Result to print without ``--json``. Each object is one line or block of text.
+        Result that the function prints without ``--json``. Each object is a line or a block of
+        text.
     """
     if args.json:
         head = {"flexaxis": version("flexaxis"), "command": args.command, "status": status,

@@ -1,4 +1,4 @@
-"""Commands that run cases or a single record: run, study, report, rerun, simulate, estimate."""
+"""The commands `run`, `study`, `report`, `rerun`, `simulate` and `estimate`."""
 
 from pathlib import Path
 from typing import Any
@@ -12,25 +12,26 @@ ENGINE = ("-o", "--jobs", "--dask", "--shard", "--overwrite", "--time-limit")
 
 
 def work(args: Args) -> dict[str, Any]:
-    """Return the options that control how cases are run, as keyword arguments of `fx.benchmark`."""
+    """Return the options for the execution of the runs as keyword arguments of `fx.benchmark`."""
     names = ("jobs", "dask", "shard", "overwrite", "time_limit")
     return {name: getattr(args, name) for name in names if name in args}
 
 
 @command("names", "--estimator", "--seeds", "--from", *ENGINE)
 def run(args: Args) -> int:
-    r"""Run estimators on scenarios with many seeds, compute scores, and write a report.
+    r"""Run estimators on scenarios with many random seeds, and write a report with the scores.
 
     SUITE and SCENARIO are names from `flexaxis list`, or paths of TOML files. Without --estimator,
-    the command runs the estimators of the suite, or the estimators of the suite smoke if you name
-    only scenarios. The command writes these files to the folder: scores.sqlite and scores.csv (one
-    row per scenario, estimator, seed and parameter), summary.json and report.html. The command runs
+    the command runs the estimators of the suite. If you name only scenarios, the command runs the
+    estimators of the suite smoke. The output folder contains scores.sqlite and scores.csv (one row
+    per scenario, estimator, seed and parameter), summary.json and report.html. The command executes
     the code of your own estimators.
 
     A case is one run of one estimator on one record. The command stores the result of each case
-    immediately. If you repeat the command, it runs only missing cases, so you can resume a run
-    after Ctrl-C, a kill or a full disk. If a case fails, its row contains the error, and the other
-    cases are still run; the exit status is then 1, or 70 after a crash.
+    immediately. You can repeat the command to resume a benchmark after Ctrl-C or a full disk,
+    because the command skips finished cases. If a case fails, the command stores the error message
+    and continues with the next case. After a failed case, the exit status is 1, or 70 if the
+    estimator code crashed.
 
     example:
       flexaxis run smoke
@@ -41,12 +42,12 @@ def run(args: Args) -> int:
     """
     if args.shards:
         if args.output is None:
-            raise FlexaxisError("--from needs a folder for the merged results: add -o DIR")
+            raise FlexaxisError("--from needs an output folder for the merged results: add -o DIR")
         check_not_input(args.shards, args.output)
         fx.merge(args.shards, args.output, jobs=args.jobs, overwrite=args.overwrite)
         return _results(args, fx.load(args.output))
     if not args.names:
-        raise FlexaxisError("name a suite or a scenario, such as smoke; `flexaxis list` shows them")
+        raise FlexaxisError("name a suite or a scenario, such as smoke: see `flexaxis list`")
     fx.check_names(args.names)
     folder = args.output or Path("results", Path(args.names[0]).stem)
     check_not_input(args.names, folder)
@@ -59,9 +60,9 @@ def run(args: Args) -> int:
 
 @command("file", "--dry-run", *ENGINE)
 def study(args: Args) -> int:
-    r"""Run a study, which varies settings of scenarios, faults and estimators over many seeds.
+    r"""Run a study, which varies settings of scenarios, faults and estimators.
 
-    STUDY.toml specifies scenarios, estimators, seeds, and the values of each setting (swept key):
+    STUDY.toml specifies scenarios, estimators, random seeds, and the values of each swept setting:
 
       scenario = "fm_step"
       estimators = ["rpem-forgetting", "glr"]
@@ -71,10 +72,11 @@ def study(args: Args) -> int:
       "rpem-forgetting.forgetting" = [0.99, 0.995]  # an option ("estimator.X": of all estimators)
 
     A case is one run of one estimator on one record. The command stores the result of each case
-    immediately. If you repeat the command, it runs only missing cases, even if you have added
-    estimators, seeds or values to the file. If a case fails, its row contains the error; the exit
-    status is then 1, or 70 after a crash. Except in a dry run, the command runs the code of the
-    estimators in the file, so use only files that you trust.
+    immediately. If you repeat the command, the command skips finished cases, even if you have added
+    estimators, seeds or values to the file. If a case fails, the command stores the error message.
+    After a failed case, the exit status is 1, or 70 if the estimator code crashed. The command
+    executes the code of the estimators in the study file, so use only files that you trust. A dry
+    run executes no estimator code.
 
     example:
       flexaxis study docs/examples/friction_steps.toml --dry-run
@@ -91,8 +93,8 @@ def study(args: Args) -> int:
                  for each in known["variants"]]  # fmt: skip
         words = (
             f"{len(lines)} variants, {known['cases']} cases: about "
-            f"{known['seconds'] / args.jobs / 60:.2g} min on {args.jobs} processes, not counting "
-            f"your own estimators; {known['megabytes']:.1f} MB in {folder}"
+            f"{known['seconds'] / args.jobs / 60:.2g} min on {args.jobs} processes without "
+            f"your own estimators, and {known['megabytes']:.1f} MB in {folder}"
         )
         return answer(args, known, 0, *lines, words)
     return _results(args, fx.study(args.file, folder=folder, **work(args)))
@@ -104,7 +106,7 @@ def _results(args: Args, results: Any) -> int:
 
     whole, lines = args.shard == (1, 1), results.problems
     missing, path = results.missing * whole, results.folder / (REPORT * whole)
-    lines += [f"{missing} cases are missing: no shard contains them"] * bool(missing)
+    lines += [f"{missing} cases are missing, because no shard contains these cases"] * bool(missing)
     crashed = results.failures["error"].str.startswith("EstimatorCrash").any()
     status = 70 if crashed else int(bool(lines))
     content, text = {"rows": results.pooled()}, results
@@ -117,7 +119,7 @@ def _results(args: Args, results: Any) -> int:
 
 @command("folder")
 def report(args: Args) -> int:
-    """Rewrite report.html from the results in a folder.
+    """Write report.html again from the stored results of a run or a study.
 
     example:
       flexaxis report results/smoke
@@ -128,12 +130,13 @@ def report(args: Args) -> int:
 
 @command("folder", "--sample", "--jobs", "--time-limit")
 def rerun(args: Args) -> int:
-    """Run cases of a results folder again, and compare the new scores with the stored ones.
+    """Repeat the runs in a results folder, and compare the new scores with the stored scores.
 
-    Use this command to check your own or somebody else's results. The command does not change the
-    folder. It runs the code of your own estimators, which must still be at the same path.
+    Use this command to check your own results, or the results of another person. The command does
+    not change the results folder. The command executes the code of your own estimators, which must
+    still be at the same path.
 
-    exit status: 0 if all scores agree within a relative difference of 1e-6, else 1
+    exit status: 0 if all relative differences between the scores are below 1e-6, else 1
 
     example:
       flexaxis rerun results/smoke --sample 20
@@ -149,11 +152,11 @@ def rerun(args: Args) -> int:
 
 @command("scenario", "--seed", "-o", "--as-log", "--units", "--gaps", "--counts")
 def simulate(args: Args) -> int:
-    """Simulate a scenario and save the record: measured signals and true values.
+    """Simulate a scenario, and save the record with the measured signals and the true values.
 
-    With --as-log, the command instead writes a log like one from a real robot. The log has no true
-    values, and can have other units and gaps. Use such a log to practise
-    `import` and `identify`.
+    With --as-log, the command writes a log that resembles the log of a real robot. The log contains
+    no true values, but can contain gaps and other units. Use simulated logs to practise the
+    commands `import` and `identify`.
 
     example:
       flexaxis simulate fm_step --seed 0 -o rec.nc
@@ -166,9 +169,9 @@ def simulate(args: Args) -> int:
     ending = args.as_log or "nc"
     path = args.output or Path(f"{Path(args.scenario).stem}-{args.seed}.{ending}")
     if any(style.values()) and not args.as_log:
-        raise FlexaxisError("--units, --gaps and --counts apply to logs: add --as-log")
+        raise FlexaxisError("--units, --gaps and --counts apply only to logs: add --as-log")
     if path.suffix != f".{ending}":
-        raise FlexaxisError(f"-o {path}: use a name that ends in .{ending}")
+        raise FlexaxisError(f"-o {path}: use a file name that ends in .{ending}")
     check_not_input([args.scenario], path)
     record = fx.simulate(args.scenario, seed=args.seed)
     content = {"path": path, "hash": record.hash}
@@ -182,9 +185,9 @@ def simulate(args: Args) -> int:
 
 @command("record", "--estimator", "-o")
 def estimate(args: Args) -> int:
-    """Run an estimator on a record and save the estimates over time.
+    """Run an estimator on a record, and save the estimates as functions of time.
 
-    The scenario of the record defines the nominal parameters, the sampling period, the parameters
+    The scenario in the record defines the nominal parameters, the sampling period, the parameters
     to estimate, and the signal that the estimator reads.
 
     example:

@@ -1,4 +1,4 @@
-"""Run one estimator on one record (`estimate`), and compute its scores (`score`)."""
+"""Run an estimator on a record with `estimate`, and compute the scores with `score`."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -36,7 +36,7 @@ SCORES = (
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Estimate:
-    """The estimates of one estimator on one record.
+    """The parameter estimates that one estimator computes from one record.
 
     Attributes
     ----------
@@ -45,14 +45,15 @@ class Estimate:
     names : tuple of str
         Names of the estimated parameters.
     theta : ndarray (N, p)
-        Estimates in SI units. The row θ[k] is computed from y[0] to y[k].
+        Estimates in SI units. The estimate θ[k] uses the measurements up to sample k.
     record : Recording
         The record that the estimator processed.
     scenario : Scenario
-        The scenario that contains the estimator's nominal values.
+        The scenario that defines the nominal parameter values for the estimator.
     findings : sequence or None
-        Detected changes, each with attributes `alarm` (sample of the alarm) and `parameters` (names
-        of the parameters that changed); None if the estimator has no detector.
+        Parameter changes that the estimator detected, or None for an estimator without change
+        detection. Each change has the attributes `alarm` (sample index of the alarm) and
+        `parameters` (names of the changed parameters).
     """
 
     estimator: str
@@ -66,40 +67,40 @@ class Estimate:
 
     @property
     def last(self) -> dict[str, float]:
-        """The last estimate of each parameter, keyed by name."""
+        """The final estimate of each parameter, keyed by parameter name."""
         return self.to_dataframe().iloc[-1].to_dict()
 
     @cached_property
     def covariance(self) -> Array | None:
-        """Covariance (N, p, p) that the estimator reports after every sample, or None.
+        """Covariance matrices (N, p, p) from the estimator, or None if it reports no covariance.
 
-        On first access, the estimator runs once more, sample by sample, to collect the covariances.
+        The first access runs the estimator again to collect one covariance matrix per sample.
         """
         estimator, record = build(parse(self.estimator), self.scenario), self.record
         return run_on(estimator, record.torque, getattr(record, estimator.output), record.valid)[1]
 
     @cached_property
     def truth(self) -> Mapping[str, Array]:
-        """True values (N,) of the estimated parameters, keyed by name, if the record has them."""
+        """True parameter values (N,), keyed by name; an empty dict if the record has none."""
         return true_values(self.names, self.record, slice(None))
 
     def plot(self, *names: str, ax: Any = None, band: bool = True) -> Any:
-        """Draw the estimates over time, one panel per parameter. True values are dashed.
+        """Draw the estimates over time in one panel per parameter, with dashed true values.
 
         Parameters
         ----------
         *names : str
-            Parameters to draw (default: all).
+            Names of the parameters to draw (default: all parameters).
         ax : matplotlib axes, or several, optional
-            Axes to draw on, such as those returned by the `plot` method of another estimate
-            (default: new axes).
+            Matplotlib axes for the curves, for example the axes that the `plot` method of another
+            estimate returned (default: new axes).
         band : bool
-            Whether to draw a band of ± 2 reported standard deviations.
+            If true, draw a band of ±2 standard deviations (from the estimator) around each curve.
 
         Returns
         -------
         Axes, or ndarray of Axes
-            One axes per parameter.
+            One Matplotlib axes object for each parameter.
         """
         panels = {}
         for name in names or self.names:
@@ -117,13 +118,13 @@ class Estimate:
         return draw(panels, ax, self.record.definition)
 
     def to_dataframe(self) -> pd.DataFrame:
-        """Return the estimates as a DataFrame: one column per parameter, indexed by time [s]."""
+        """Return the estimates as a DataFrame with one column per parameter and a time index."""
         index = pd.Index(self.record.time, name="time")
         return pd.DataFrame(self.theta, index, self.names)
 
     @property
     def table(self) -> pd.DataFrame:
-        """Last estimate, last true value and error [% of the true value] of each parameter."""
+        """Final estimate, final true value and relative error [%] of each parameter."""
         truth = {name: values[-1] for name, values in self.truth.items()}
         known = {"last": self.last, "truth": truth}
         table = pd.DataFrame(known, self.names, dtype=float)
@@ -131,7 +132,7 @@ class Estimate:
         return table.assign(**{"error [%]": error.where(table["truth"] != 0)})
 
     def save(self, path: str | Path) -> None:
-        """Write the estimates and the reported covariance to a NetCDF-4 file.
+        """Write the estimates and their covariance matrices to a NetCDF-4 file.
 
         Raises
         ------
@@ -164,24 +165,25 @@ def estimate(
     Parameters
     ----------
     record : Record, str or Path
-        A record from `simulate` or `load`, or the path of an ``.nc`` file.
+        Record from `simulate` or `load`, or path of a record file (``.nc``).
     estimator : str or class
-        A name from `flexaxis.estimators()`, any text that ``--estimator`` accepts, or a class of
-        your own, which is instantiated for the record.
+        Estimator name from `flexaxis.estimators()`, any text that the option ``--estimator``
+        accepts, or your own estimator class. If you pass a class, the function creates an object.
     scenario : str, Path or Scenario, optional
-        Scenario that contains the estimator's nominal values (default: the scenario of the record).
+        Scenario that defines the nominal parameter values for the estimator (default: the scenario
+        that the record contains).
 
     Returns
     -------
     Estimate
-        Estimates θ (N, p) after every sample, and further outputs of the estimator.
+        Object with the parameter estimates θ (N, p) and other estimator outputs.
 
     Raises
     ------
     EstimatorError
-        If the estimator cannot be constructed, or does not fit the record.
+        If the estimator cannot be created, or cannot process the record.
     RecordError
-        If the record does not contain its scenario and `scenario` is not given.
+        If neither the record nor the call provides a scenario.
 
     Examples
     --------
@@ -195,8 +197,8 @@ def estimate(
     known = shown.definition if scenario is None else changed(scenario, {})
     if known is None:
         raise RecordError(
-            "the record does not contain its scenario, so the nominal values and the parameters "
-            "to identify are unknown: give a scenario with scenario=…"
+            "the record contains no scenario, so the nominal parameter values and the parameters "
+            "to identify are unknown: pass a scenario with scenario=…"
         )
     spec = parse(text_of(estimator))
     made = build(spec, known)
@@ -211,35 +213,38 @@ def estimate(
 def score(
     record: Record | Estimate | str | Path, estimator: EstimatorLike = "rpem-forgetting"
 ) -> pd.DataFrame:
-    """Return the scores of one estimate, as `benchmark` computes them for one seed.
+    """Score the estimates from one record, with the same definitions as in `benchmark`.
 
     Parameters
     ----------
     record : Estimate, Record, str or Path
-        A result of `estimate`, or a record that the estimator processes first.
+        Result of `estimate`, or a record. For a record, the function first runs the estimator.
     estimator : str or class
-        The estimator to run, as for `estimate`. If `record` is an `Estimate`, this argument is
-        ignored.
+        Estimator to run, in any form that the function `estimate` accepts. If `record` is an
+        `Estimate`, the function ignores the argument `estimator`.
 
     Returns
     -------
     DataFrame
-        One row per parameter; lag and t10 in s; std, bias and cross-talk in % of nominal.
+        Table with one row per parameter. The columns `lag` and `t10` are in s. The columns `std`,
+        `bias` and `cross_talk` are in % of the nominal parameter value.
 
     Raises
     ------
     RecordError
-        If the record has no true parameters. Only simulated records can be scored.
+        If the record contains no true parameter values, which only a simulation provides.
 
     Notes
     -----
-    The faults and true values always come from the record, even if the estimator used the nominal
+    The scores use the faults and true values in the record, even if the estimator used the nominal
     values of another scenario.
     """
     result = record if isinstance(record, Estimate) else estimate(record, estimator)
     known, scenario = result.record, result.record.definition
     if known.true_parameters is None or not (scenario and known_names(scenario, result.names)):
-        raise RecordError("the record has no true parameters, so it cannot be scored")
+        raise RecordError(
+            "the record contains no true parameter values, so the scores cannot be computed"
+        )
     track = track_of(
         scenario, known, result.names, result.theta, result._claimed, result._innovations,
         result.findings,
@@ -250,23 +255,23 @@ def score(
 
 
 def check(estimator: EstimatorLike) -> pd.DataFrame:
-    """Check that an estimator follows the rules, such as no look-ahead and finite estimates.
+    """Check an estimator against the benchmark rules, such as causality and finite estimates.
 
     Parameters
     ----------
     estimator : str or class
-        Estimator to check, as for `estimate`.
+        Estimator to check, in any form that the function `estimate` accepts.
 
     Returns
     -------
     DataFrame
-        One row per rule, with columns ``rule, holds`` (None if the rule does not apply), ``seen,
-        reason, hint``.
+        Table with one row per rule, and with the columns ``rule, holds, seen, reason, hint``. The
+        value of ``holds`` is None if the rule does not apply to the estimator.
 
     Raises
     ------
     EstimatorError, EstimatorCrash
-        If the estimator cannot be constructed.
+        If the estimator cannot be created.
     """
     spec = parse(text_of(estimator))
     return pd.DataFrame(map(asdict, rules.check(spec, store=default_cache())))

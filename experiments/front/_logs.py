@@ -1,6 +1,6 @@
-"""Work with logs of a real axis: `import_log`, `identify` and `track`.
+"""Work with the logs of a real axis through `import_log`, `identify` and `track`.
 
-Each function returns a `LogResult` with a table, sentences and figures.
+Each function returns a `LogResult` object, which contains a table, sentences and figures.
 """
 
 import sys
@@ -32,21 +32,23 @@ class LogResult:
     Attributes
     ----------
     result : object
-        The full result: an ``Imported``, ``Identification``, ``Many`` or ``Tracked``.
+        The full result, an object of the class ``Imported``, ``Identification``, ``Many`` or
+        ``Tracked``.
     page : LogPage
-        The report page, with sentences and charts.
+        The report page with sentences and charts.
     content : dict
-        The JSON object that the command prints with ``--json``.
+        The JSON object that the corresponding command prints with ``--json``.
     table : DataFrame
         Table with one row per check, per parameter or per log.
     write : callable
-        Function that writes the record, axis, estimates or table to a file, given its path.
+        Function that writes the record, axis, estimates or table to the given path.
     status : int
-        Exit status of the command; 1 if the command reports a finding.
+        Exit status of the corresponding command, which is 1 if the command reports a finding.
     record : Record or None
         The record that was read from the log.
     axis : Axis or None
-        The identified axis. Its method `save` writes the axis file that the commands read.
+        The identified axis. The method ``axis.save`` writes an axis file, which `flexaxis track`
+        can read.
     """
 
     result: Any
@@ -59,7 +61,7 @@ class LogResult:
     axis: Any = None
 
     def save(self, path: str | Path) -> Path:
-        """Write the result to a file and a report page next to it; return the page's path."""
+        """Write the result to a file, write the report page, and return the path of the page."""
         self.write(Path(path))
         page = Path(path).with_suffix(".html")
         self.page.write(page)
@@ -71,9 +73,9 @@ class LogResult:
         Parameters
         ----------
         chart : int
-            Position of the chart on the page, counted from 0.
+            Index of the chart on the page, starting at 0.
         ax : matplotlib axes, optional
-            Axes to draw on, one for each panel of the chart (default: new axes).
+            Matplotlib axes, one for each panel of the chart (default: new axes).
         """
         shown = self.page.charts[chart]
         return draw(shown.panels, ax, **shown.options)
@@ -85,7 +87,7 @@ class LogResult:
 
 
 def _read(log: Log, options: Mapping[str, Any] | None) -> importing.Imported:
-    """Read a log, and print the problems that may distort estimates."""
+    """Read a log, and print the data problems that can distort the estimates."""
     if not isinstance(log, str | Path):
         return importing.Imported(getattr(log, "record", log), ())  # type: ignore[arg-type]
     result = importing.import_log(Path(log), **(options or {}))
@@ -99,14 +101,14 @@ def _axis(model: Any) -> Any:
 
 
 def import_log(path: str | Path, **columns: Any) -> LogResult:
-    """Read a log and check the quality of its data, like the command `flexaxis import`.
+    """Read a log and check its data quality, like the command `flexaxis import`.
 
     Parameters
     ----------
     path : str or Path
         Path of the log.
     **columns
-        Options that describe the format of the log: names of columns (``torque="current"``),
+        Options that describe the log format, which are column names (``torque="current"``),
         ``unit={"angle": "deg"}``, ``scale``, ``rate``, ``rows``, ``torque_is``, ``resample`` [Hz]
         and ``burn_in`` [s].
     """
@@ -131,33 +133,34 @@ def identify(
     columns: Mapping[str, Any] | None = None,
     **options: Any,
 ) -> LogResult:
-    """Identify an axis from one log or a folder of logs, like the command `flexaxis identify`.
+    """Identify axis parameters from one log or several, like the command `flexaxis identify`.
 
     Parameters
     ----------
     log : path, record, result of `import_log`, or a folder of logs
-        The log to use. The logs in a folder are read in the order of their names. For a folder, the
-        table contains one row per log, and the findings describe the effect of a covariate and any
-        change of a parameter.
+        The log to use. The function reads the logs in a folder in the order of their file names.
+        For a folder, the result table contains one row per log, and the findings describe covariate
+        effects and parameter changes.
     model : str, path or Axis
-        Name of a built-in model, path of your own TOML file, or an axis.
+        Name of a built-in model, path of your own TOML file, or an `Axis` object.
     start : mapping of str to float, optional
-        Start values of the search, keyed by parameter.
+        Start values for the parameter search, keyed by parameter name.
     fix : mapping of str to float or None, optional
-        Values of the parameters to hold constant. None stands for the nominal value.
+        Values of the parameters to hold constant, keyed by parameter name. The value None holds a
+        parameter at its nominal value.
     validate : path or record, optional
-        Second log, for testing the simulations and predictions of the identified model.
+        Second log, on which the function tests the identified model.
     covariates : sequence of str
-        Names of columns, such as a temperature, that may explain why the estimates differ between
-        the logs of a folder.
+        Column names of covariates, such as a temperature. Covariates can explain why the estimates
+        differ between the logs in a folder.
     false_alarms : float
-        Probability of a false alarm: the result for a folder of logs reports a change, although no
+        Probability that the result for a folder of logs reports a parameter change although no
         parameter changed.
     columns : mapping, optional
-        Options that describe the format of the log, as for `import_log`.
+        Options that describe the log format, with the same names as in `import_log`.
     **options
-        ``free``, ``friction``, ``gravity`` and ``delay``, as for
-        `flexaxis.experiments.logs.identify.identify`.
+        The options ``free``, ``friction``, ``gravity`` and ``delay``, which
+        `flexaxis.experiments.logs.identify.identify` describes.
     """
     axis, start, fix = _axis(model), start or {}, fix or {}
     values = {name: value for name, value in {**start, **fix}.items() if value is not None}
@@ -208,9 +211,9 @@ def track(
     estimator : str, optional
         Estimator to use (default: ekf, or glr for an axis with dry friction).
     start : float
-        Ratio of the initial estimate to the identified value.
+        Ratio of the initial estimate to the identified parameter value.
     columns : mapping, optional
-        Options that describe the format of the log, as for `import_log`.
+        Options that describe the log format, with the same names as in `import_log`.
     """
     known = _axis(axis)
     spec = parse(estimator or tracking.default_estimator(known))

@@ -1,6 +1,6 @@
-"""Simulate scenarios and load records: `simulate`, `load`, `cache` and `make_axis`.
+"""Simulate scenarios and load records with `simulate`, `load`, `cache` and `make_axis`.
 
-`make_axis` returns an axis that your own code, such as a controller, moves step by step.
+`make_axis` returns a simulated axis that your own code, such as a controller, drives step by step.
 """
 
 from collections.abc import Mapping
@@ -30,28 +30,29 @@ class Recording(Record):
 
     @property
     def definition(self) -> Scenario | None:
-        """The scenario that was simulated; None if the record does not contain a scenario."""
+        """The simulated scenario, or None if the record contains no scenario."""
         return scenario_from(self.scenario, source="the record") if self.scenario else None
 
     @property
     def signals(self) -> tuple[str, ...]:
-        """Names of the signals (N,) that the record contains, except time."""
+        """Names of all signals in the record except the time."""
         return tuple(n for n in SIGNALS if n != "time" and getattr(self, n) is not None)
 
     def plot(self, *signals: str, ax: Any = None) -> Any:
-        """Draw signals over time, one panel per signal.
+        """Draw signals over time, with one panel for each signal.
 
         Parameters
         ----------
         *signals : str
-            Names of the signals to draw (default: the torque, and the signal that estimators read).
+            Names of the signals to draw (default: the torque and the signal that the estimators
+            read).
         ax : matplotlib axes, or several, optional
-            Axes to draw on (default: new axes).
+            Matplotlib axes for the curves (default: new axes).
 
         Returns
         -------
         Axes, or ndarray of Axes
-            One axes per signal.
+            One Matplotlib axes object for each signal.
         """
         output = self.scenario.get("output", self.signals[-1])
         panels = {}
@@ -63,14 +64,14 @@ class Recording(Record):
         return draw(panels, ax, self.definition)
 
     def save_log(self, path: Path, **style: Any) -> None:
-        """Write a CSV log without true values. `style` has the options of `units.write_log`."""
+        """Write a CSV log without true values, with the options `style` of `units.write_log`."""
         write_log(path, self, stream(self.hash, self.seed or 0, "log"), **style)
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return the record as a DataFrame with one row per sample, indexed by time [s].
 
-        The columns are the signals, `valid` (only if samples are missing), and the true parameters,
-        such as ``true_f_m``.
+        The columns contain the signals and the true parameter values, such as ``true_f_m``. If
+        samples are missing, the column ``valid`` marks the valid samples.
         """
         known = {name: getattr(self, name) for name in (*SIGNALS, "valid")}
         frame = pd.DataFrame(known).set_index("time")
@@ -80,7 +81,7 @@ class Recording(Record):
 
 
 def axes_for(ax: Any, count: int) -> Any:
-    """Return `ax` as an array, or make a column of new axes if `ax` is None."""
+    """Return `ax` as an array, or create a column of new axes if `ax` is None."""
     if ax is None:
         from matplotlib import pyplot
 
@@ -96,8 +97,8 @@ def draw(
 ) -> Any:  # fmt: skip
     """Draw one panel of curves for each entry of `panels`.
 
-    If `ax` is None, the function makes new axes, and marks the faults and the burn-in of the
-    scenario. It returns one axes for one panel, and an array of axes for several panels.
+    If `ax` is None, the function creates new axes, and marks the faults and the burn-in phase of
+    the scenario. For several panels, the function returns an array of axes.
     """
     marks = around(scenario) if scenario and ax is None else {}
     axes = axes_for(ax, len(panels))
@@ -106,27 +107,27 @@ def draw(
 
 
 def simulate(scenario: str | Path | Scenario, /, *, seed: int = 0, **changes: Any) -> Recording:
-    """Simulate one run of a scenario, and return its record.
+    """Simulate a scenario, and return the record of the simulation.
 
     Parameters
     ----------
     scenario : str, Path or Scenario
         A name from `flexaxis.scenarios()`, the path of a TOML file, or a scenario.
     seed : int
-        Random seed. Runs with the same seed are identical to the last bit.
+        Random seed. Simulations with the same seed are identical to the last bit.
     **changes
-        New values of scenario keys, written as in a study:
-        ``**{"fault[0].factor": 2, "duration": 12.0}``.
+        New values of scenario settings, such as ``duration=12.0`` or
+        ``**{"fault[0].factor": 2}``.
 
     Returns
     -------
     Recording
-        Measured torque, angle and speed (N,), and the true parameters.
+        Record with the measured torque, angle and speed (N,), and the true parameter values.
 
     Raises
     ------
     ScenarioError
-        If there is no such scenario or key, or a value is not allowed.
+        If the scenario or a setting does not exist, or a value is not allowed.
     SimulationError
         If the axis becomes unstable.
 
@@ -141,24 +142,24 @@ def simulate(scenario: str | Path | Scenario, /, *, seed: int = 0, **changes: An
 
 
 def changed(scenario: str | Path | Scenario, changes: Mapping[str, Any]) -> Scenario:
-    """Return a scenario with the values of some keys replaced."""
+    """Return a copy of a scenario in which some settings have new values."""
     result = scenario if isinstance(scenario, Scenario) else find_scenario(str(scenario))
     return result.override(changes) if changes else result
 
 
 def load(path: str | Path) -> Any:
-    """Return the record in an ``.nc`` file, or the results in a folder.
+    """Load a record from an ``.nc`` file, or the results of a run from a folder.
 
     Parameters
     ----------
     path : str or Path
-        Path of a file from `Recording.save` or ``flexaxis simulate``, or of a folder from
-        ``flexaxis run``, ``flexaxis study`` or `benchmark`.
+        Path of a record file from `Recording.save` or ``flexaxis simulate``, or path of a results
+        folder from ``flexaxis run``, ``flexaxis study`` or `benchmark`.
 
     Returns
     -------
     Recording or Results
-        The record in a file, or the results in a folder.
+        The record from the file, or the results from the folder.
 
     Raises
     ------
@@ -175,20 +176,20 @@ def load(path: str | Path) -> Any:
 def cache(*, clear: bool = False) -> dict[str, Any]:
     """Return the location and size of the cache of simulated records, and optionally clear it.
 
-    The key of a record contains the hashes of its scenario and of the simulation code, the seed and
-    the MuJoCo version, so an entry is never out of date. If the cache is larger than its size
-    limit, the least recently used records are deleted.
+    A cached record is never outdated, because its key contains the seed, the MuJoCo version, and
+    hashes of the scenario and the simulation code. If the cache exceeds 2048 MB, the least recently
+    used records are deleted.
 
     Parameters
     ----------
     clear : bool
-        Whether to delete all records.
+        If true, delete all records in the cache.
 
     Returns
     -------
     dict
-        ``folder``, the path of the cache, and ``megabytes``, the size of the cache [MB]. The
-        environment variable FLEXAXIS_CACHE sets the folder. The size limit is 2048 MB.
+        The keys are ``folder``, the path of the cache, and ``megabytes``, the size of the cache
+        [MB]. The environment variable FLEXAXIS_CACHE sets the folder.
 
     Examples
     --------
@@ -204,15 +205,15 @@ def cache(*, clear: bool = False) -> dict[str, Any]:
 
 
 class Sample(NamedTuple):
-    """The measurements at one sample.
+    """The measurements of the axis at one sampling instant.
 
     Attributes
     ----------
     time : float
         Time [s].
     angle, speed, increment : float
-        Motor angle [rad], motor speed [rad/s], and change of the angle divided by the period
-        [rad/s].
+        Motor angle [rad], motor speed [rad/s], and change in motor angle since the previous sample,
+        divided by the sampling period [rad/s].
     """
 
     time: float
@@ -222,27 +223,27 @@ class Sample(NamedTuple):
 
 
 class Axis:
-    """The axis of a scenario with its faults and sensors, but without its controller.
+    """The simulated axis of a scenario with faults and sensors, but without a controller.
 
     Parameters
     ----------
     scenario : Scenario
-        Scenario with the plant, faults and sensors.
+        Scenario that defines the plant, the faults and the sensors.
     seed : int
-        Random seed of the onset and of the noise.
+        Random seed of the fault onset and of the noise.
 
     Attributes
     ----------
     scenario : Scenario
-        The scenario, with the onset drawn for the seed.
+        The scenario with the fault onset that the seed determines.
     sample : Sample
-        The latest sample. The axis starts at rest.
+        The measurements at the latest sampling instant. The axis starts at rest.
     """
 
     def __init__(self, scenario: Scenario, *, seed: int = 0) -> None:
         if scenario.delay.torque_ticks:
             raise FlexaxisError(
-                f"{scenario.name} delays the torque, but `make_axis` does not support a delay: "
+                f"{scenario.name} delays the torque, but `make_axis` supports no torque delay: "
                 "delay the torque in your own code, and remove `delay` from the scenario"
             )
         seed = seed_of(seed)
@@ -261,23 +262,23 @@ class Axis:
 
     @property
     def done(self) -> bool:
-        """Whether the axis has reached the end of the scenario."""
+        """True if the simulation has reached the end of the scenario."""
         return self._k >= self.scenario.samples - 1
 
     def step(self, torque: float) -> Sample:
-        """Apply a constant torque [N m] for one period, and return the sample at the period's end.
+        """Apply a constant torque [N m] for one sampling period, and return the next sample.
 
         Raises
         ------
         FlexaxisError
-            If the axis has reached the end of the scenario.
+            If the simulation has already reached the end of the scenario.
         SimulationError
             If the axis becomes unstable, or the torque is not finite.
         """
         if self.done:
             raise FlexaxisError(
                 f"{self.scenario.name} ends after {self.scenario.duration:g} s: make a new axis, "
-                "with a longer time in duration=… if necessary"
+                "and set a longer duration with duration=… if necessary"
             )
         more = 0.0 if self._disturbance is None else self._disturbance[self._k, 0]
         self._plant.step(np.array([float(torque) + more]))
@@ -298,27 +299,27 @@ class Axis:
 def make_axis(
     scenario: str | Path | Scenario = "fm_step-v1", *, seed: int = 0, **changes: Any
 ) -> Axis:
-    """Return an axis that your code moves step by step: ``sample = axis.step(torque)``.
+    """Return a simulated axis that your code drives with ``sample = axis.step(torque)``.
 
     Parameters
     ----------
     scenario : str, Path or Scenario
-        Scenario with the plant, faults and sensors. Your code replaces the controller of the
-        scenario.
+        Scenario that defines the plant, the faults and the sensors. Your code replaces the
+        controller of the scenario.
     seed : int
-        Random seed of the onset and of the noise.
+        Random seed of the fault onset and of the noise.
     **changes
-        New values of scenario keys, as for `simulate`.
+        New values of scenario settings, in the same form as for `simulate`.
 
     Returns
     -------
     Axis
-        The axis at rest, at its first sample.
+        The simulated axis, which is at rest at the first sample.
 
     Raises
     ------
     ScenarioError
-        If there is no such scenario or key, or a value is not allowed.
+        If the scenario or a setting does not exist, or a value is not allowed.
     FlexaxisError
         If the scenario delays the torque.
 

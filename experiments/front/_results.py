@@ -1,4 +1,4 @@
-"""Run, score and compare estimators on many records: `benchmark`, `study`, `compare`, `tune`."""
+"""Run, score and compare estimators with `benchmark`, `study`, `compare` and `tune`."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -36,21 +36,22 @@ SHOWN = (
     "scenario", "estimator", "parameter", "lag", "lag_interval", "t10", "std", "bias", "score",
     "diverged", "failed", "runs",
 )  # fmt: skip
-"""Columns of the table of pooled scores. The table of a study also contains the swept keys."""
+"""Columns of the score table. The score table of a study also contains the swept settings."""
 TURNED = (
     "scenario", "parameter", "setting", "lag", "lag_interval", "std", "lag_bound", "diverged",
 )  # fmt: skip
-"""Columns of the table of a sweep, which has one row per setting."""
+"""Columns of a sweep table, which contains one row per setting of the tuning parameter."""
 
 
 class Results(engine.Results):
-    """Results of a run or a study, with methods that draw figures and write the report."""
+    """Results of a benchmark or a study, with methods for figures and for the report."""
 
     @property
     def table(self) -> pd.DataFrame:
-        """Pooled scores of the parameters that changed, or of all parameters if none changed.
+        """Scores of the changed parameters, pooled over all seeds.
 
-        The intervals follow from the scatter between seeds; std and bias are in % of nominal.
+        If no parameter changed, the table contains the scores of all parameters. The columns `std`
+        and `bias` are in % of the nominal parameter value.
         """
         rows = self.scores()
         changed = rows.query("changed")
@@ -58,43 +59,43 @@ class Results(engine.Results):
 
     @property
     def problems(self) -> list[str]:
-        """One sentence per failed estimator, with the first failure and the number of failures."""
+        """One sentence per failed estimator, with its first error and its number of failed runs."""
         failures = self.failures.to_dict("records")
         return [f"{text} ({n} cases)" for text, n in failures_in_words(failures)]
 
     def rerun(self, sample: int = 0, **work: Any) -> pd.DataFrame:
-        """Run cases again and compare the new scores with the stored scores.
+        """Repeat estimator runs, and compare the new scores with the stored scores.
 
         Parameters
         ----------
         sample : int
-            Approximate number of cases to run, evenly spaced in the list; 0 runs all cases.
+            Approximate number of runs to repeat. The value 0 repeats all runs.
         **work
-            ``jobs`` and ``time_limit``, as for `benchmark`.
+            The options ``jobs`` and ``time_limit`` of `benchmark`.
 
         Returns
         -------
         DataFrame
-            One row per case and parameter, with the columns that
+            Table with one row per run and parameter, whose columns
             `flexaxis.experiments.running.run.rerun` describes.
         """
         with studies.working(**work) as runner:
             return rerun(self, runner, sample)
 
     def plot(self, x: str = "", *, ax: Any = None) -> Any:
-        """Draw the lag after a fault against the noise, or against a swept key of a study.
+        """Draw the lag over the noise or, for a study, over a swept setting.
 
         Parameters
         ----------
         x : str, optional
-            The swept key (default: the first swept key of the study).
+            Swept setting on the horizontal axis (default: the first swept setting of the study).
         ax : matplotlib axes, optional
-            Axes to draw on, one for each parameter that changes (default: new axes).
+            Matplotlib axes, one for each changed parameter (default: new axes).
 
         Returns
         -------
         Axes, or ndarray of Axes
-            One axes or, for a study, one axes for each parameter that changes.
+            One Matplotlib axes object or, for a study, one object per changed parameter.
         """
         if key := x or next(iter(self.axes), ""):
             return draw(ax=ax, **over_axis(self, key, "lag"))
@@ -103,9 +104,9 @@ class Results(engine.Results):
         return axes[0]
 
     def report(self) -> Path:
-        """Write report.html to the results folder, or to the current folder if there is none.
+        """Write report.html to the results folder, and return the path of the report.
 
-        The result is the path of the report.
+        Without a results folder, the method writes the report to the current folder.
         """
         path = (self.folder or Path()) / REPORT
         studies.write_report(self, path)
@@ -129,38 +130,37 @@ def benchmark(
     folder: Place = None,
     **work: Any,
 ) -> Results:
-    """Run estimators on scenarios with many seeds, and compute the scores of the estimates.
+    """Run estimators on scenarios with many random seeds, and score the estimates.
 
     Parameters
     ----------
     estimators : str, class, or several of them
-        Names from `flexaxis.estimators()`, any texts that ``--estimator`` accepts, or classes of
-        your own (default: the estimators of the suite).
+        Estimator names from `flexaxis.estimators()`, any texts that the option ``--estimator``
+        accepts, or your own estimator classes (default: the estimators of the suite).
     scenarios : str, Path, Scenario, or several of them
-        Names of scenarios and suites, paths of TOML files, or scenarios.
+        Names of scenarios or suites, paths of TOML files, or `Scenario` objects.
     seeds : int, str or iterable of int
-        Number of seeds (the first seed is 1000), a range such as ``"0:20"``, or a list of seeds
-        (default: the number of seeds of the suite).
+        Number of random seeds (starting at 1000), a range of seeds such as ``"0:20"``, or a list
+        of seeds (default: the number of seeds that the suite specifies).
     folder : str or Path, optional
-        Folder for the rows, summary.json and report.html. With a folder, the estimators of a suite
-        are also compared at equal noise. Without a folder, the rows are kept in memory.
+        Folder for the result files. With a folder, the function also compares the estimators of a
+        suite at equal noise. Without a folder, the results stay in memory.
     **work
-        ``jobs`` (number of processes, default 1), ``shard`` (number of the shard to run, and number
-        of shards), ``dask`` (address of a scheduler), ``overwrite`` (whether to delete old results
-        in `folder`, default False), and ``time_limit`` (time limit for one run of your own
-        estimator [s], default 600).
+        ``jobs`` is the number of processes (default 1). ``shard`` is the pair of the shard number
+        and the number of shards. ``dask`` is the address of a Dask scheduler. ``overwrite`` deletes
+        old results in `folder`. ``time_limit`` limits the time for one run of your own estimator
+        (default 600 s).
 
     Returns
     -------
     Results
-        One row per scenario, estimator, seed and parameter.
+        Object with one row of scores per scenario, estimator, seed and parameter.
 
     Raises
     ------
     FlexaxisError, EstimatorError
-        If a name does not exist, or an estimator cannot be constructed. An estimator that fails on
-        a record raises no error. The rows of that case contain the error message (see
-        `Results.failures`).
+        If a name is unknown, or an estimator cannot be created. If an estimator fails on a record,
+        the function raises no error, but stores the error message (see `Results.failures`).
     """
     suite = select(scenarios)
     numbers, texts = seeds_of(seeds, suite.seeds), texts_of(estimators)
@@ -175,21 +175,22 @@ def study(definition: str | Path | dict[str, Any], *, folder: Place = None, **wo
     Parameters
     ----------
     definition : str, Path or dict
-        Path of a TOML file, or a dict with the same content: ``{"scenario": "fm_step-v1",
-        "estimators": ["glr"], "seeds": 20, "sweep": {"fault[0].factor": [1.2, 2.0]}}``. In a dict,
-        an estimator may also be a class.
-    folder, **work
-        Options with the same meaning as for `benchmark`.
+        Path of a TOML file, or a dict with the same content, such as ``{"scenario": "fm_step-v1",
+        "estimators": ["glr"], "seeds": 20, "sweep": {"fault[0].factor": [1.2, 2.0]}}``. A dict can
+        also contain estimator classes.
+    folder : str or Path, optional
+    **work
+        The same options as for `benchmark`.
 
     Returns
     -------
     Results
-        One row per case and parameter, with the values of the swept keys.
+        Object with the scores for each run and parameter, and the values of the swept settings.
 
     Raises
     ------
     StudyError
-        If the definition is invalid. The message contains one line for each problem.
+        If the study definition is invalid. The message contains one line for each problem.
     """
     is_file = isinstance(definition, str | Path)
     planned = load_study(definition) if is_file else study_from(definition)  # type: ignore[arg-type]
@@ -205,11 +206,11 @@ class Comparison:
     Attributes
     ----------
     content : dict
-        The object that `flexaxis compare --json` prints, with keys such as ``verdict``,
-        ``headline``, ``advice``, ``rows`` and ``legend``.
+        The object that `flexaxis compare --json` prints, with keys such as ``verdict``.
     status : int
-        Exit status of the command: 1 if the candidate is worse; 3 if the verdict is undecided and
-        the candidate has missing runs, or more failed or diverged runs than the base; 0 otherwise.
+        Exit status of the command `flexaxis compare`, which is 1 if the candidate is worse. The
+        status is 3 if the verdict is undecided and the candidate has missing runs, or more failed
+        or diverged runs than the base. Otherwise, the status is 0.
     """
 
     content: dict[str, Any]
@@ -217,20 +218,20 @@ class Comparison:
 
     @property
     def verdict(self) -> Any:
-        """The verdict in one word: worse, undecided, better, slight or same."""
+        """The verdict as one of the words "worse", "undecided", "better", "slight" and "same"."""
         return self.content["verdict"]
 
     def to_dataframe(self) -> pd.DataFrame:
-        """Return the comparison as a DataFrame, one row per score."""
+        """Return the comparison as a DataFrame with one row per scenario and score."""
         return pd.DataFrame(self.content["rows"])
 
     def plot(self, *, ax: Any = None) -> Any:
-        """Draw the change of each score with its interval and margin.
+        """Draw the change of each score with its confidence interval and margin.
 
         Parameters
         ----------
         ax : matplotlib axes, optional
-            Axes to draw on (default: new axes).
+            Matplotlib axes for the figure (default: new axes).
         """
         axes = axes_for(ax, 1)[0]
         figures.verdict_intervals(self.content["rows"], axes=axes)
@@ -263,36 +264,35 @@ def compare(
     base, candidate : str or class
         Estimators, as for `benchmark`.
     scenarios : str, Path, Scenario, or several of them
-        Scenarios to run. The comparison leaves out scenarios on which an estimator cannot run. The
-        headline mentions the scenarios on which only one of the two estimators cannot run.
-    seeds, **work
-        Options with the same meaning as for `benchmark`.
+        Scenarios for the comparison. The function skips scenarios that an estimator cannot handle.
+    seeds : int, str or iterable of int, optional
+    **work
+        The same options as for `benchmark`.
     runs : two paths, optional
-        Folders of two finished runs to compare. In this case, no estimator is run.
+        Results folders of two finished runs. The function compares the stored scores, and runs no
+        estimator.
     max_seeds : int
-        Largest number of seeds. While the verdict is undecided, further seeds are run, up to this
-        number.
+        Maximum number of seeds. The function adds seeds while the verdict is undecided.
     match_std : bool
-        Whether to tune both estimators to the same noise, and then compare only the lag. The noise
-        is the std of the parameter that changes or, if several parameters change, the excess
-        prediction error.
+        If true, tune both estimators to the same noise, and compare only the lag. The noise is the
+        standard deviation of the changed parameter. If several parameters change, the noise is the
+        excess prediction error.
     margins : mapping of str to float, optional
-        Largest relative change that counts as negligible, keyed by score, such as ``{"lag": 0.05}``
-        (default: 0.02 for lag and std, 0.2 for bias).
+        Largest negligible relative change of each score, such as ``{"lag": 0.05}`` (default: 0.02
+        for lag and std, 0.2 for bias).
     folder : str or Path, optional
-        Folder for the rows, compare.json, verdict.md and report.html.
+        Folder for the result files compare.json, verdict.md and report.html.
 
     Returns
     -------
     Comparison
-        The verdict, with one row per scenario and score.
+        Object with the verdict, and with one row per scenario and score.
 
     Raises
     ------
     FlexaxisError
-        If the two estimators have fewer than two runs in common. With `match_std`, the error also
-        occurs if an estimator has no tuning parameter or cannot be tuned to the noise of the
-        reference.
+        If the two estimators have fewer than two runs in common. With `match_std`, the function
+        also raises the error if it cannot tune an estimator to the noise of the reference.
     """
     checked = gate.check_margins(margins or {})
     sides = [text_of(each) if each else "" for each in (base, candidate)]
@@ -317,24 +317,24 @@ def compare(
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Sweep:
-    """The lag and noise of estimators at several settings of their tuning parameters.
+    """The lag and noise of estimators at several settings of the tuning parameters.
 
     Attributes
     ----------
     content : dict
-        Dict with the key ``tradeoff``, as in summary.json. ``tradeoff`` contains ``points`` (one
-        row per setting) and ``matched`` (one row per estimator, at the noise of rpem-forgetting).
+        Dict with the entry ``tradeoff`` of summary.json. The entry contains ``points`` (one row per
+        setting) and ``matched`` (one row per estimator, at the noise level of rpem-forgetting).
     """
 
     content: dict[str, Any]
 
     @property
     def table(self) -> pd.DataFrame:
-        """Lag and noise of each setting; ``std`` is in % of nominal, ``lag_bound`` is in s."""
+        """Table with the lag [s] and the noise [% of nominal] of each setting."""
         return pd.DataFrame(self.content["tradeoff"]["points"])[[*TURNED]]
 
     def plot(self) -> Any:
-        """Draw the lag against the noise: one panel per fault, one line per estimator."""
+        """Draw the lag over the noise, with one panel per fault and one line per estimator."""
         found = self.content["tradeoff"]
         return figures.speed_noise(faults_of(found["points"]), fault_words(found))
 
@@ -351,32 +351,32 @@ def tune(
     file: Place = None,
     **work: Any,
 ) -> pd.DataFrame | Sweep:
-    """Find the setting at which each estimator is as noisy as rpem-forgetting, or sweep settings.
+    """Tune each estimator to the noise of rpem-forgetting, or run it at several settings.
 
-    The estimators are tuned on the nominal axis without a fault.
+    For tuning, the estimators run on the nominal axis without a fault.
 
     Parameters
     ----------
     *estimators : str
-        Estimators to tune (default: all registered estimators with a tuning parameter).
+        Names of the estimators (default: all registered estimators with a tuning parameter).
     sweep : str, Path, Scenario, or several of them
-        Scenarios with a fault. If scenarios are given, the function runs the estimators on them at
-        several settings, instead of tuning the estimators.
+        Scenarios with a fault. If you pass scenarios, the function runs the estimators on these
+        scenarios at several settings, and does not tune the estimators.
     seeds : int, str or iterable of int
-        Seeds, as for `benchmark`.
+        Random seeds, in any form that `benchmark` accepts.
     folder : str or Path, optional
-        Folder for the rows.
+        Folder for the result rows.
     file : str or Path, optional
-        TOML file for the settings, in the format of estimators/tuned.toml.
+        TOML file for the tuned settings, in the format of estimators/tuned.toml.
     **work
-        Options with the same meaning as for `benchmark`.
+        The same options as for `benchmark`.
 
     Returns
     -------
     DataFrame or Sweep
-        One row per estimator, or a `Sweep` if `sweep` is given. The columns are ``estimator,
-        problem, setting, knob, value, match`` and ``ratio``, the noise of the estimator divided by
-        the noise of the reference. If no setting matches, ``problem`` gives the reason.
+        Table with one row per estimator, or a `Sweep` object if you pass `sweep`. The columns are
+        ``estimator, problem, setting, knob, value, match`` and ``ratio``, the noise ratio of the
+        estimator to the reference. If tuning fails, the column ``problem`` contains the reason.
     """
     numbers = seeds_of(seeds, 16)
     names, lines = estimators or [n for n, entry in REGISTRY.items() if entry.knob], []

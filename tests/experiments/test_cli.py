@@ -169,7 +169,7 @@ def test_ctrl_c_says_the_line_that_resumes(capsys, monkeypatch, tmp_path):
 
     monkeypatch.setattr("flexaxis.benchmark", pressed, raising=False)
     status, _, err = flexaxis(capsys, "run", "fm_step", "--overwrite", "-q")
-    assert status == 130 and err.endswith("resume with flexaxis run fm_step\n")
+    assert status == 130 and err.endswith("from the saved results, run flexaxis run fm_step\n")
 
 
 # ---------------------------------------------------------------- look
@@ -268,7 +268,7 @@ def test_parts_together_are_the_whole_and_rerun_checks_them(capsys, short_toml, 
     assert told["report"] == f"{whole}/report.html" == f"{whole / 'report.html'}"
     assert (whole / "report.html").read_bytes() == page
     status, out, _ = flexaxis(capsys, "run", "--from", parts[0], "-o", tmp_path / "half")
-    assert status == 1 and "2 cases are missing: no shard contains them" in out
+    assert status == 1 and "2 cases are missing, because no shard contains" in out
     status, out, _ = flexaxis(capsys, "rerun", whole, "--sample", 2, "--jobs", 1)
     assert status == 0 and "6 rows compared: the largest relative difference is 0 " in out
     with sqlite3.connect(whole / "scores.sqlite") as rows:
