@@ -1,7 +1,7 @@
 """Provide the MJCF models of the plants and their parameter sets.
 
-Each model has a folder with an MJCF file and a README. TOML files in the folder define more
-parameter sets and cite a source for each value. The function `model_files` returns the MJCF text
+Each model has a folder with an MJCF file and a README. TOML files in the folder define other
+parameter sets, and cite a source for each value. The function `model_files` returns the MJCF text
 and all files of a model.
 """
 
@@ -14,22 +14,22 @@ from importlib.resources import files
 from xml.etree.ElementTree import canonicalize
 
 DEFAULT = "three_mass"
-"""Name of the paper's axis, which is the default model of a scenario."""
+"""Name of the model of the paper's axis, which is the default model of a scenario."""
 
 _FOUND = {f.name for f in files(__package__).iterdir() if (f / f"{f.name}.xml").is_file()}
 MODEL_NAMES = (DEFAULT, *sorted(_FOUND - {DEFAULT}))
-"""Names of the models; each model has a folder here, which contains an MJCF of the same name."""
+"""Names of all models; each model has a folder and an MJCF file with the name of the model."""
 
 SHIPPED = {
     "three_mass": "29c0e25cfb28f417",
     "two_mass": "54100381ce3d6dc7",
 }
-"""Digests of the published models; a different digest of a model changes scenario hashes."""
+"""Digest of each published MJCF file; a scenario hash changes if the digest of a model changes."""
 
 
 @cache
 def model_digest(name: str) -> str:
-    """Return a digest (16 hex digits) of a model's MJCF; raise the same errors as `model_files`.
+    """Return a digest (16 hex digits) of a model's MJCF file; raise the errors of `model_files`.
 
     The digest does not depend on comments, whitespace or line endings.
     """
@@ -48,14 +48,15 @@ def model_files(name: str) -> tuple[str, dict[str, bytes]]:
     Returns
     -------
     xml : str
-        The MJCF text of ``name/name.xml``.
+        Content of the MJCF file ``name/name.xml``.
     assets : dict of str to bytes
-        Contents of all files in the model's folder, keyed by file name, for ``<include>`` in MJCF.
+        Contents of all files in the model's folder, keyed by file name. The MJCF text can include
+        these files with ``<include>``.
 
     Raises
     ------
     ValueError
-        If there is no model of this name.
+        If there is no model with the name `name`.
 
     Examples
     --------

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from flexaxis.sim.scenario import Scenario
 
 Problem = tuple[str, str]
-"""A problem of a scenario: a dotted key, such as ``fault[0].at``, and a message."""
+"""Type of a problem in a scenario: a dotted key, such as ``fault[0].at``, and a message."""
 
 OF_THE_GEAR = ("backlash", "stiffening", "gear_friction", "load_friction")
 """Names of the scenario tables that require a model with a gear spring."""
@@ -46,15 +46,15 @@ _WORDS = {
     "model_attributes_type": "must be a table",
     "tuple_type": "must be an array",
     "list_type": "must be an array",
-    "too_short": "must have at least one entry",
-    "string_pattern_mismatch": "must be one word, without blanks, slashes or control characters",
+    "too_short": "the array must have at least one entry",
+    "string_pattern_mismatch": "a name must not contain blanks, slashes or control characters",
 }
 
 
 def problems(error: ValidationError, top: type[Scenario]) -> list[str]:
-    """Return one line for each problem of a scenario.
+    """Return one line for each problem in a scenario file.
 
-    Conflicts between keys are reported only if each key is valid on its own.
+    The function reports conflicts between keys only if the value of every key is valid.
     """
     lines = [f"{key}: {text}" for key, text in explain(error, top)]
     for item in error.errors():
@@ -64,9 +64,9 @@ def problems(error: ValidationError, top: type[Scenario]) -> list[str]:
 
 
 def explain(error: ValidationError, top: type[BaseModel]) -> Iterator[Problem]:
-    """Yield the key and the message of each pydantic error that concerns a single key.
+    """Yield the key and the message of each pydantic error about a single key of a scenario.
 
-    `top` is the class of the outermost table.
+    The argument `top` is the class of the outermost table.
     """
     for item in error.errors():
         if item["loc"]:
@@ -74,10 +74,10 @@ def explain(error: ValidationError, top: type[BaseModel]) -> Iterator[Problem]:
 
 
 def _key(loc: Iterable[int | str]) -> str:
-    """Convert a pydantic location to a dotted key.
+    """Convert the location in a pydantic error to a dotted key.
 
-    For example, ("fault", 0, "step", "at") becomes ``fault[0].at``. The dotted key does not contain
-    the `kind` of a table, which is "step" in this example.
+    For example, ("fault", 0, "step", "at") becomes ``fault[0].at``. The dotted key omits the `kind`
+    of a fault table, such as "step".
     """
     key = ""
     for part in loc:
@@ -97,7 +97,7 @@ def _text(item: Any, top: type[BaseModel]) -> str:
         case "extra_forbidden":
             return unknown("key", words[-1], _known_keys(words[:-1], top))
         case "union_tag_not_found":
-            return f"kind is missing; known kinds are {', '.join(_KINDS[words[0]])}"
+            return f"the key kind is missing; known kinds are {', '.join(_KINDS[words[0]])}"
         case "union_tag_invalid":
             return unknown("kind", item["ctx"]["tag"], _KINDS[words[0]])
         case "value_error":
@@ -107,7 +107,7 @@ def _text(item: Any, top: type[BaseModel]) -> str:
 
 
 def _known_keys(words: list[str], top: type[BaseModel]) -> Iterable[str]:
-    """Return the valid keys of the table at a location such as ``["fault", "step"]``."""
+    """Return the valid keys of a table, given its location, such as ``["fault", "step"]``."""
     if not words:
         return top.model_fields
     if words[0] in _KINDS:
@@ -118,9 +118,9 @@ def _known_keys(words: list[str], top: type[BaseModel]) -> Iterable[str]:
 
 
 def conflicts(scenario: Scenario) -> Iterator[Problem]:
-    """Yield a problem for each value that contradicts another value or is not valid for the plant.
+    """Yield a problem for each value that conflicts with another value or is invalid for the plant.
 
-    All values must already have valid types.
+    The types of all values must already have been checked.
     """
     yield from _rate_problems(scenario)
     yield from _axis_problems(scenario)
@@ -130,7 +130,7 @@ def conflicts(scenario: Scenario) -> Iterator[Problem]:
             yield f"identify[{i}]", text
     yield from _known_problems(scenario)
     if scenario.controller.rate and scenario.feedback == "measured":
-        yield "controller.rate", 'an inner loop reads the true angle: set feedback = "clean"'
+        yield "controller.rate", 'an inner loop reads the true angle: use feedback = "clean"'
     for table in ("fault", "nuisance"):
         for i, change in enumerate(getattr(scenario, table) or ()):
             for key, text in _change_problems(change, scenario):
@@ -142,7 +142,7 @@ def _rate_problems(scenario: Scenario) -> Iterator[Problem]:
     """Yield a problem for each key that is incompatible with the sampling period."""
     period, controller, delay = scenario.period, scenario.controller, scenario.delay
     if abs(period / TICK - round(period / TICK)) >= 1e-6:
-        words = f"needs a sampling period of whole milliseconds, not {1000 * period:g} ms"
+        words = f"the sampling period must be a multiple of 1 ms, not {1000 * period:g} ms"
         for key, value in (("controller.rate", controller.rate), ("delay.torque", delay.torque)):
             if value:
                 yield key, words
@@ -167,7 +167,7 @@ def _axis_problems(scenario: Scenario) -> Iterator[Problem]:
         yield "preset", unknown("preset", scenario.preset, known)
     for table in OF_THE_GEAR if "k_g" not in names else ():
         if table in scenario.tables:
-            yield table, f"acts on a gear spring, but the model {scenario.model} has no gear spring"
+            yield table, f"the table needs a gear spring, but the model {scenario.model} has none"
     for name, value in scenario.parameters.items():
         if name not in names:
             yield f"parameters.{name}", unknown("parameter", name, names)
@@ -182,7 +182,7 @@ def estimated_problems(
     key: str = "identify",
     besides: Sequence[str] = LAW_NAMES,
 ) -> Iterator[Problem]:
-    """Yield a problem for each named parameter that cannot be estimated in a scenario.
+    """Yield a problem for each parameter in `names` that a scenario does not allow to be estimated.
 
     Parameters
     ----------
@@ -191,9 +191,9 @@ def estimated_problems(
     scenario : Scenario
         Scenario whose parameters are estimated.
     key : str
-        Key that contains `names`; the messages begin with this key.
+        Key of the scenario that contains `names`; each message begins with this key.
     besides : sequence of str
-        Names that are allowed in addition to the parameters of the axis and their inverses.
+        Names of other allowed parameters, besides the axis parameters and their inverses.
     """
     known, seen = parameter_names(scenario.model), dict[str, str]()
     for i, name in enumerate(names):
@@ -207,19 +207,19 @@ def estimated_problems(
             yield (
                 place,
                 f"{name!r} cannot be estimated while parameters.{parameter} is 0, because errors "
-                "are in % of the nominal value: set it above 0, or do not estimate it",
+                "are in % of the nominal value: use a value above 0, or do not estimate it",
             )
         seen.setdefault(parameter, name)
 
 
 def _law_problem(name: str, scenario: Scenario) -> str | None:
-    """Return a message unless exactly one table of the plant defines the law parameter `name`."""
+    """Return a message if zero or several tables of the scenario define the parameter `name`."""
     having = [key for key, names in LAW_PARAMETERS.items() if name in names]
     tables = [key for key in having if key in scenario.tables]
     if having and not tables:
-        return f"the plant has no {name}: add the table {' or '.join(having)}"
+        return f"the plant has no parameter {name}: add the table {' or '.join(having)}"
     if len(tables) > 1:
-        return f"{name} is ambiguous, because {' and '.join(tables)} define it: remove one table"
+        return f"{name} is ambiguous, because {' and '.join(tables)} define it: remove a table"
     return None
 
 
@@ -232,7 +232,7 @@ def _known_problems(scenario: Scenario) -> Iterator[Problem]:
         if name not in known:
             yield key, unknown("parameter", name, known)
         elif name in names and name in estimated:
-            yield key, f"{name} is estimated: set its initial value with `start`"
+            yield key, f"the parameter {name} is estimated: set its initial value with `start`"
         elif name not in scenario.laws and (text := _law_problem(name, scenario)):
             yield key, text
 
@@ -243,27 +243,27 @@ def _change_problems(change: Fault, scenario: Scenario) -> Iterator[Problem]:
     index, until = scenario.grid.index, getattr(change, "until", None)
     # the onset of a profile is the last sample with the old value
     if index(change.at) + isinstance(change, Profile) >= scenario.samples:
-        end = f"the end of the run at {scenario.duration:g} s"
-        yield "at", f"the onset at {change.at:g} s is not before {end}"
+        end = scenario.duration
+        yield "at", f"the onset at {change.at:g} s must be before the end of the run at {end:g} s"
     if until is not None and index(until) <= index(change.at):
-        yield "until", f"the end at {until:g} s is not after the onset at {change.at:g} s"
+        yield "until", f"the end at {until:g} s must be after the onset at {change.at:g} s"
 
 
 def _span_problems(change: Fault, period: float) -> Iterator[Problem]:
-    """Yield a problem for each duration in a fault or nuisance that is shorter than one sample."""
+    """Yield a problem for each time in a fault or nuisance that is shorter than one sample."""
     for key, about in type(change).model_fields.items():
         if A_SAMPLE in about.metadata and getattr(change, key) < period:
-            text = f"must be at least one sample, {period:g} s, not {getattr(change, key):g}"
+            text = f"a time must be one sample ({period:g} s) or more, not {getattr(change, key):g}"
             yield key, text
     times = (0.0, *(time for time, _ in getattr(change, "points", ())))
     for i, (before, after) in enumerate(pairwise(sample_index(t, period) for t in times)):
         if after == before:
-            text = f"must be at least one sample, {period:g} s, after the previous point"
+            text = f"a point must be at least one sample ({period:g} s) after the previous point"
             yield f"points[{i}]", text
 
 
 def _changed_problems(change: Fault, scenario: Scenario) -> Iterator[Problem]:
-    """Yield a problem if a fault's parameter cannot change, or cannot change by its factor."""
+    """Yield a problem if a parameter cannot change during a run, or cannot change to 0."""
     known, parameter = changeable(parameter_names(scenario.model)), change.parameter
     law = meant(parameter)
     text = _law_problem(law, scenario) if parameter == law or law not in scenario.laws else None
@@ -276,12 +276,12 @@ def _changed_problems(change: Fault, scenario: Scenario) -> Iterator[Problem]:
     if change.factor > 0:
         return
     if law in known and law not in MAY_BE_ZERO | LAW_MAY_BE_ZERO:
-        yield "factor", f"must be above 0, because {parameter} must stay positive"
+        yield "factor", f"a factor of 0 is not allowed, because {parameter} must remain positive"
     elif (inverse := f"1/{parameter}") in scenario.identify:
         yield (
             "factor",
-            f"must be above 0, because {inverse} is estimated and would become infinite; "
-            f"to let {parameter} become 0, estimate {parameter} itself",
+            f"a factor of 0 is not allowed, because {inverse} is estimated and would become "
+            f"infinite; use a larger factor, or estimate {parameter} instead of {inverse}",
         )
 
 
@@ -306,6 +306,6 @@ def _pause_problems(scenario: Scenario) -> Iterator[Problem]:
     if spread > most:
         yield (
             "onset_spread",
-            f"must be at most {max(most, 0):g} s, not {spread:g}, so that all changes (from "
-            f"{min(times):g} to {max(times):g} s) stay within the run of {duration:g} s",
+            f"the spread must be at most {max(most, 0):g} s, not {spread:g}: all changes from "
+            f"{min(times):g} to {max(times):g} s must remain within the run of {duration:g} s",
         )

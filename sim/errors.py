@@ -7,11 +7,11 @@ from difflib import get_close_matches
 
 
 class FlexaxisError(ValueError):
-    """Base class of all errors that report a user's mistake or a failed run."""
+    """Base class of all errors that report an invalid input or a failed simulation."""
 
 
 class ParameterError(FlexaxisError):
-    """A parameter is unknown, or its value is physically impossible."""
+    """A parameter of the axis is unknown, or its value is physically impossible."""
 
 
 class ScenarioError(FlexaxisError):
@@ -20,7 +20,7 @@ class ScenarioError(FlexaxisError):
     Attributes
     ----------
     problems : tuple of str
-        The lines of the message, one per problem.
+        Lines of the error message, with one line per problem.
     """
 
     def __init__(self, *problems: str) -> None:
@@ -30,11 +30,11 @@ class ScenarioError(FlexaxisError):
 
 
 class RecordError(FlexaxisError):
-    """A record is invalid, or its file cannot be read or written."""
+    """A record of a run is invalid, or its file cannot be read or written."""
 
 
 class SimulationError(FlexaxisError):
-    """The physics engine issued a warning, or a state is not finite.
+    """The physics engine issued a warning, or an angle or speed of the axis is not finite.
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ class SimulationError(FlexaxisError):
     time : float
         Simulated time at the end of the failed step [s].
     reason : str
-        Cause of the failure, such as a warning of the engine.
+        Cause of the failure, such as a warning of the physics engine.
     """
 
     def __init__(self, message: str, run: int, time: float, reason: str) -> None:
@@ -55,7 +55,7 @@ class SimulationError(FlexaxisError):
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """Return a hint with the most similar known word, or "" if no known word is similar.
+    """Return a hint that contains the known word closest to `word`, or "" if no word is close.
 
     Examples
     --------
@@ -71,7 +71,7 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
 
 
 def unknown(kind: str, word: str, known: Iterable[str]) -> str:
-    """Return the message for an unknown word.
+    """Return the error message for an unknown word, with a list of all known words.
 
     Examples
     --------

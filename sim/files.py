@@ -16,7 +16,8 @@ from typing import Any
 import tomli_w
 
 Refusal = Callable[[str], Exception]
-"""Exception class, such as ``ScenarioError``, or a function that returns an exception."""
+"""Type of an exception class, such as ``ScenarioError``, or a function that returns an
+exception."""
 
 _SHORT = Repr()
 _SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = 60
@@ -28,10 +29,10 @@ toml_text: Callable[[dict[str, Any]], str] = partial(tomli_w.dumps, multiline_st
 
 @contextmanager
 def atomic(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Yield a temporary path, and move the file at the temporary path to `path` at the end.
+    """Yield a temporary path; at the end of the context, move the temporary file to `path`.
 
-    The temporary file is in a hidden folder next to `path`. If an exception occurs, the old file
-    remains unchanged and the exception propagates.
+    The temporary file is in a hidden folder next to `path`. If an exception occurs, an existing
+    file remains unchanged and the exception propagates.
 
     Parameters
     ----------
@@ -61,7 +62,7 @@ def atomic(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 
 def shown(value: object) -> str:
-    """Return the repr of a value for a message; a long repr is shortened.
+    """Return the repr of a value for use in an error message; a long repr is shortened.
 
     Examples
     --------
@@ -74,12 +75,12 @@ def shown(value: object) -> str:
 
 
 def read_toml(path: Path, refuse: Refusal) -> dict[str, Any]:
-    """Return the tables of a TOML file; raise `refuse` if the file cannot be read."""
+    """Read the tables of a TOML file; raise the exception `refuse` if the file cannot be read."""
     return toml_tables(read_text(path, refuse), source=str(path), refuse=refuse)
 
 
 def read_text(path: Path, refuse: Refusal) -> str:
-    """Return the text of a file; raise `refuse` if the file cannot be read."""
+    """Read the text of a file; raise the exception `refuse` if the file cannot be read."""
     try:
         return path.read_text(encoding="utf-8-sig")  # some editors write a byte-order mark
     except OSError as error:
@@ -89,7 +90,7 @@ def read_text(path: Path, refuse: Refusal) -> str:
 
 
 def toml_tables(text: str, *, source: str, refuse: Refusal) -> dict[str, Any]:
-    """Return the tables of a TOML text; `source` is the name of the text in error messages."""
+    """Parse a TOML text; error messages refer to the text by the name `source`."""
     try:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:
@@ -97,7 +98,7 @@ def toml_tables(text: str, *, source: str, refuse: Refusal) -> dict[str, Any]:
 
 
 def json_value(text: str | bytes, *, source: str, refuse: Refusal) -> Any:
-    """Return the value of a JSON text; `source` is the name of the text in error messages."""
+    """Parse a JSON text; error messages refer to the text by the name `source`."""
     try:
         return json.loads(text)
     except (ValueError, RecursionError) as error:

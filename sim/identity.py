@@ -1,4 +1,4 @@
-"""Compute the hashes that identify a scenario's content, random numbers and records."""
+"""Compute hashes that identify the content, the random numbers and the records of a scenario."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from flexaxis.models_mjcf import DEFAULT, SHIPPED, model_digest
 from flexaxis.sim.timing import PERIOD
 
 PLANT, CONTENT = "plant", "content"
-"""Values of the scenario key `streams`, which selects the key of the random numbers.
+"""Values of the scenario key `streams`, which determines the random numbers of a run.
 
 With "plant", the random numbers depend only on the part of the scenario that affects the plant and
 the sensors. With "content", the random numbers depend on the whole content of the scenario.
@@ -29,7 +29,7 @@ def _a_key(streams: str) -> str:
     if streams in (PLANT, CONTENT) or re.fullmatch("[0-9a-f]{64}", streams):
         return streams
     raise ValueError(
-        f'must be "{PLANT}", "{CONTENT}", or the `key` of another scenario (64 hex digits), '
+        f'the value must be "{PLANT}", "{CONTENT}", or the `key` of a scenario (64 hex digits), '
         f"not {streams!r}"
     )
 
@@ -38,18 +38,19 @@ Streams = Annotated[str, AfterValidator(_a_key)]
 
 
 def content_hash(resolved: Mapping[str, Any]) -> str:
-    """Return the SHA-256 (64 hex digits) of a resolved scenario without its descriptive keys.
+    """Return the SHA-256 (64 hex digits) of a complete scenario without its descriptive keys.
 
-    The hash excludes `streams`, `period` and `model` if their values are "content", 5 ms and the
-    paper's axis, because old scenarios do not have these keys. The hash includes the digest of the
-    MJCF if this digest differs from the published digest.
+    Old scenarios do not have the keys `streams`, `period` and `model`. Therefore the hash excludes
+    `streams` with the value "content", `period` with the value 5 ms, and `model` with the value
+    "three_mass". The hash includes the digest of the MJCF file if the file differs from the
+    published file.
     """
     without = _WORDS | ({"streams"} if resolved["streams"] == CONTENT else set())
     return _digest({k: v for k, v in _told_apart(resolved).items() if k not in without})
 
 
 def stream_key(resolved: Mapping[str, Any]) -> str:
-    """Return the key of the random streams of a resolved scenario (64 hex digits)."""
+    """Return the key of the random number streams of a scenario (64 hex digits)."""
     match resolved["streams"]:
         case "plant":
             return _digest(_seen(resolved))
@@ -62,8 +63,8 @@ def stream_key(resolved: Mapping[str, Any]) -> str:
 def record_hash(resolved: Mapping[str, Any]) -> str:
     """Return the SHA-256 (64 hex digits) of everything that determines a record, except the seed.
 
-    Two scenarios have the same record hash if their random streams have the same key and the
-    scenarios differ only in keys that concern estimation and scoring.
+    Keys that concern only estimation and scoring do not affect the record hash. The key of the
+    random number streams affects the record hash.
     """
     return _digest(_seen(resolved) | {"key": stream_key(resolved)})
 
@@ -74,10 +75,10 @@ def _seen(resolved: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _told_apart(resolved: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the keys and values of a resolved scenario on which its hashes may depend.
+    """Return the keys and values of a scenario that can affect its hashes.
 
-    The result does not contain default values of `period` and `model`. If the MJCF differs from the
-    published file, the result contains the digest of the MJCF.
+    The dictionary does not contain `period` and `model` if they have their default values. The
+    dictionary contains the digest of the MJCF file if the file differs from the published file.
     """
     usual, model = {"period": PERIOD, "model": DEFAULT}, resolved["model"]
     content = {key: value for key, value in resolved.items() if usual.get(key) != value}

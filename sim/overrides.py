@@ -1,4 +1,4 @@
-"""Override keys of a scenario, such as ``fault[0].factor``, and append them to its name."""
+"""Override keys of a scenario, such as ``fault[0].factor``, and append the changes to its name."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from flexaxis.sim.errors import ScenarioError, did_you_mean
 
 
 def set_keys(content: dict[str, Any], changes: Mapping[str, Any], *, source: str) -> None:
-    """Set dotted keys in nested dictionaries and lists, in place.
+    """Set the values of dotted keys in nested dictionaries and lists, in place.
 
     Raises
     ------
     ScenarioError
-        If a key does not exist. The message contains `source` and the key.
+        If a key does not exist. The error message contains the name `source` and the invalid key.
 
     Examples
     --------
@@ -35,11 +35,11 @@ def set_keys(content: dict[str, Any], changes: Mapping[str, Any], *, source: str
             place[last] = value
         except (AttributeError, LookupError, TypeError, ValueError):
             hint = did_you_mean(key, _keys(content))
-            raise ScenarioError(f"{source}: {key}: no such key to override.{hint}") from None
+            raise ScenarioError(f"{source}: {key}: the key does not exist.{hint}") from None
 
 
 def _keys(content: Any, key: str = "") -> list[str]:
-    """Return all dotted keys of nested dictionaries and lists."""
+    """Return the dotted keys of all values in nested dictionaries and lists."""
     if isinstance(content, dict):
         inner = [_keys(value, f"{key}.{name}" if key else name) for name, value in content.items()]
     elif isinstance(content, list):
@@ -50,7 +50,7 @@ def _keys(content: Any, key: str = "") -> list[str]:
 
 
 def suffix(changes: Mapping[str, Any]) -> str:
-    """Return the suffix for the name of a scenario with overridden keys.
+    """Return the suffix of a scenario name that lists all overridden keys and their values.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Define names, units and nominal values of the parameters of an axis and its nonlinear laws."""
+"""Define the names, units and nominal values of all linear and nonlinear plant parameters."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ _UNITS = {
 
 @cache
 def nominal_numbers(model: str) -> Mapping[str, float]:
-    """Return the names and nominal values of a model's parameters from its MJCF.
+    """Read the names and nominal values of a model's parameters from its MJCF file.
 
-    The torque constant ``k_T`` is the attribute `gear` of the motor. Each body has an inertia such
-    as ``J_m`` and a friction coefficient such as ``f_m``. Each tendon has a stiffness such as
-    ``k_g`` and a damping coefficient such as ``d_g``. The subscript is the first letter of the name
-    of the body or tendon. The parameters of a single tendon have no subscript. The gear ratio ``r``
-    is the coefficient of the motor in the first tendon. A model whose gear ratio is 1 has no
-    parameter ``r``.
+    The torque constant ``k_T`` is the attribute `gear` of the motor in the MJCF file. Each body has
+    an inertia such as ``J_m`` and a friction coefficient such as ``f_m``. Each tendon has a
+    stiffness such as ``k_g`` and a damping coefficient such as ``d_g``. The subscript of a
+    parameter is the first letter of the body's or tendon's name. If the model has only one tendon,
+    the tendon parameters have no subscript. The gear ratio ``r`` is the coefficient of the motor
+    joint in the first tendon. A model whose gear ratio is 1 has no parameter ``r``.
 
-    The MJCF must describe a chain of bodies called motor, gear, arm or load, with a tendon between
-    neighbours. The names of the tendons must start with different letters.
+    The MJCF file must describe a chain of bodies called motor, gear, arm or load, with a tendon
+    between adjacent bodies. The names of any two tendons must start with different letters.
     """
     root = ElementTree.fromstring(model_files(model)[0])
     bodies, tendons = [*root.iter("body")], root.findall("tendon/fixed")
@@ -58,12 +58,12 @@ def nominal_numbers(model: str) -> Mapping[str, float]:
 
 
 def parameter_names(model: str = DEFAULT) -> tuple[str, ...]:
-    """Return the names of a model's parameters in the order of the columns of all arrays."""
+    """Return the names of a model's parameters, in the order of the columns in parameter arrays."""
     return tuple(nominal_numbers(model))
 
 
 def model_with(names: Iterable[str]) -> str | None:
-    """Return the first model that has exactly these parameters, in any order, or None."""
+    """Return the first model with exactly the parameters `names`, or None if there is none."""
     unordered = set(names)
     return next((model for model in MODEL_NAMES if set(parameter_names(model)) == unordered), None)
 
@@ -79,15 +79,17 @@ PARAMETER_UNITS = {
 """Units of the parameters of all models, keyed by name; the paper's axis comes first."""
 
 DEFAULT_IDENTIFY = ("k_T", "1/J_a", "f_m")
-"""Parameters that are estimated by default, as in the paper."""
+"""Names of the parameters that are estimated in the paper and by default."""
 
 DATA_SHEET = {"poles": "1", "torque_limit": "N m", "noise": "unit of the output"}
-"""Units of other data-sheet values, keyed by name. `poles` is the number of cogging periods per
-motor revolution, `torque_limit` is the torque limit of the drive, and `noise` is the standard
-deviation of the measurement noise."""
+"""Units of other data-sheet values, keyed by name.
+
+The value `poles` is the number of cogging periods per motor revolution. The value `torque_limit` is
+the torque limit of the drive. The value `noise` is the standard deviation of the measurement noise.
+"""
 
 MAY_BE_ZERO = frozenset(name for name in PARAMETER_UNITS if name[0] in "df")
-"""Damping and friction coefficients, which may be zero; other parameters must be positive."""
+"""Names of the damping and friction coefficients, which are the only parameters that can be 0."""
 
 
 LAW_UNITS = {
@@ -101,23 +103,24 @@ LAW_UNITS = {
     "kappa": "1/rad^2",
     "gap": "rad",
 }
-"""Units of the parameters of nonlinear laws, keyed by name.
+"""Units of the parameters of friction, backlash and a stiffening spring, keyed by name.
 
-The parameters are the Coulomb friction, the excess of the breakaway torque over the Coulomb
-friction, the Stribeck speed, the stiffness and damping of the bristles, the two inverse speeds of
-the static friction curve, the ratio of cubic to linear stiffness of the gear spring, and the width
-of the backlash gap on the arm side. In a record, the columns of these parameters follow the columns
-of the axis parameters.
+The parameter f_c is the Coulomb friction, and f_s is the breakaway torque minus the Coulomb
+friction. The parameter v_s is the Stribeck speed. The bristles of LuGre friction have the stiffness
+sigma_0 and the damping sigma_1. The inverse speeds alpha and beta define the static friction curve.
+The parameter kappa is the ratio of cubic to linear stiffness of the gear spring. The parameter gap
+is the width of the backlash gap on the arm side. In a record, the columns of nonlinear parameters
+follow the columns of the axis parameters.
 """
 
 LAW_NAMES = tuple(LAW_UNITS)
-"""Names of the parameters of nonlinear laws in the order of their columns."""
+"""Names of the parameters in `LAW_UNITS`, in the order of their columns in parameter arrays."""
 
 LAW_MAY_BE_ZERO = frozenset({"f_c", "f_s"})
-"""Names of the law parameters that may become zero during a run."""
+"""Names of the friction parameters that can become zero during a run."""
 
 ESTIMATED_ONLY = ("c_sin", "c_cos")
-"""Parameters of cogging with unknown phase, which occur in estimators but not in records."""
+"""Names of the cogging parameters, which estimators use but records do not contain."""
 
 LAW_PARAMETERS: Mapping[str, tuple[str, ...]] = {
     "friction": ("f_c",),
@@ -128,18 +131,18 @@ LAW_PARAMETERS: Mapping[str, tuple[str, ...]] = {
     "backlash": ("gap",),
     "stiffening": ("kappa",),
 }
-"""Names of the law parameters that each scenario table defines, keyed by table.
+"""Names of the nonlinear parameters that each scenario table defines, keyed by table name.
 
-The attribute `law` of a table contains the values of its parameters. If several tables of a
-scenario have a parameter of the same name, the first table defines its value.
+The attribute `law` of a scenario table contains the values of its parameters. If several tables of
+a scenario define a parameter with the same name, the first table determines its value.
 """
 
 FIXED = {"gap": "backlash", "kappa": "stiffening"}
-"""Parameters that cannot change during a run, and the table that defines each of them."""
+"""Names of the scenario tables with constant parameters, keyed by the name of the parameter."""
 
 
 def parameter_problem(name: str, value: float) -> str | None:
-    """Return a message if the value of a parameter is not physical, or None if it is physical.
+    """Return a message if a parameter value is physically impossible, or None if it is possible.
 
     Examples
     --------
@@ -149,9 +152,9 @@ def parameter_problem(name: str, value: float) -> str | None:
     """
     unit = PARAMETER_UNITS[name]
     if not math.isfinite(value):
-        return f"must be a finite number [{unit}], not {value!r}"
+        return f"the parameter must be a finite number [{unit}], not {value!r}"
     if name == "r" and not 0 < value <= 1:
-        return f"must be arm angle over motor angle, in (0, 1] (1/118, not 118), not {value!r}"
+        return f"the gear ratio (gear angle over motor angle) must be in (0, 1], not {value!r}"
     if value < 0 or (value == 0 and name not in MAY_BE_ZERO):
         allowed = "zero or positive" if name in MAY_BE_ZERO else "positive"
         return f"must be {allowed} [{unit}], not {value!r}"
@@ -159,24 +162,26 @@ def parameter_problem(name: str, value: float) -> str | None:
 
 
 class AxisParameters(Frozen):
-    """Physical parameters of an axis in SI units, available as items and as attributes.
+    """Physical parameters of an axis in SI units, accessible as items and as attributes.
 
-    Motor parameters refer to the motor side. The parameters of the other masses refer to the arm
-    side.
+    The motor parameters refer to the motor side of the gear, and the parameters of the other masses
+    refer to the arm side.
 
     Parameters
     ----------
     values : mapping of str to float
-        All parameters of one model, in any order: torque constant k_T, moments of inertia J, spring
-        constants k and damping coefficients d of the couplings, viscous frictions f, and the gear
-        ratio r (gear angle over motor angle); see `nominal_numbers`.
+        Values of all parameters of one model, in any order. The torque constant is k_T, the moments
+        of inertia are J, and the gear ratio (gear angle over motor angle) is r. The couplings have
+        spring constants k and damping coefficients d. The bodies have viscous friction coefficients
+        f. The function `nominal_numbers` explains the parameter names.
     **more : float
-        Parameters as keyword arguments, which override entries of `values`.
+        Parameter values as keyword arguments, which override entries of `values`.
 
     Raises
     ------
     ParameterError
-        If the names are not exactly the parameters of a model, or if a value is not physical.
+        If the names are not exactly the parameters of a model, or if a value is physically
+        impossible.
     """
 
     __slots__ = ()
@@ -185,13 +190,13 @@ class AxisParameters(Frozen):
         named = {**values, **more}
         if (model := model_with(named)) is None:
             raise ParameterError(
-                f"no model has exactly the parameters {', '.join(named)}; {DEFAULT} has "
+                f"no model has exactly the parameters {', '.join(named)}; the model {DEFAULT} has "
                 f"{', '.join(PARAMETER_NAMES)}."
             )
         super().__init__({name: named[name] for name in parameter_names(model)})
         for name, value in self.items():
             if problem := parameter_problem(name, value):
-                raise ParameterError(f"{name} {problem}.")
+                raise ParameterError(f"{name}: {problem}.")
 
     def __getattr__(self, name: str) -> float:
         if name in self:
@@ -206,12 +211,12 @@ class AxisParameters(Frozen):
         return dict(self)
 
     def replace(self, **changes: float) -> AxisParameters:
-        """Return a copy with some values changed.
+        """Return a copy of the parameters with some values changed.
 
         Raises
         ------
         ParameterError
-            If a name is unknown or a value is not physical.
+            If a parameter name is unknown, or if a value is physically impossible.
         """
         for name in changes:
             if name not in self:
@@ -223,8 +228,8 @@ class AxisParameters(Frozen):
 def presets(model: str = DEFAULT) -> Mapping[str, Mapping[str, float]]:
     """Return the named parameter sets (presets) of a model, keyed by name.
 
-    The preset "n1" contains the values of the MJCF. Each table of a TOML file in the model's folder
-    defines another preset.
+    The preset "n1" contains the parameter values in the MJCF file. Each table of each TOML file in
+    the model's folder defines another preset.
     """
     texts = [text for name, text in sorted(model_files(model)[1].items()) if name.endswith(".toml")]
     tables = [tomllib.loads(text.decode()) for text in texts]
@@ -238,7 +243,7 @@ def preset(name: str, model: str = DEFAULT) -> AxisParameters:
     Raises
     ------
     ParameterError
-        If the model has no preset of this name.
+        If the model has no preset with the name `name`.
 
     Examples
     --------
@@ -251,7 +256,7 @@ def preset(name: str, model: str = DEFAULT) -> AxisParameters:
 
 
 def meant(parameter: str) -> str:
-    """Return the standard name of a fault's parameter; ``coulomb`` is an alias of f_c.
+    """Return the standard name of a parameter in a fault; the name ``coulomb`` is an alias of f_c.
 
     Examples
     --------

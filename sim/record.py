@@ -1,4 +1,4 @@
-"""Define the record of a run, which contains measured signals, true values and their origin."""
+"""Define the record of a run: measured signals, true values and the scenario."""
 
 from __future__ import annotations
 
@@ -26,21 +26,21 @@ Array = NDArray[np.float64]
 ROUNDING = 2e-7  # relative tolerance for an integer sampling rate; real clocks are less exact
 
 OUTPUTS = ("speed", "increment", "angle")
-"""Names of the measured outputs; a record must contain at least one of these signals."""
+"""Names of the measured motor signals; a record must contain at least one of these signals."""
 
 SIGNALS = {
     "time": ("s", "time of the sample"),
-    "torque": ("N m", "torque command, constant until the next sample"),
+    "torque": ("N m", "torque command, which is constant until the next sample"),
     "angle": ("rad", "measured motor angle"),
     "speed": ("rad/s", "measured motor speed"),
     "increment": ("rad/s", "difference of successive measured motor angles divided by the period"),
     "true_speed": ("rad/s", "true motor speed"),
     "true_angle_m": ("rad", "true motor angle"),
-    "true_angle_g": ("rad", "true gear angle on the arm side"),
+    "true_angle_g": ("rad", "true angle of the gear on the arm side"),
     "true_angle_a": ("rad", "true arm angle"),
     "true_angle_l": ("rad", "true load angle"),
 }
-"""Unit and description of each signal of a record, keyed by name."""
+"""Unit and description of each signal in a record, keyed by the name of the signal."""
 
 _ATTRIBUTES: dict[str, Callable[[Any], Any]] = {
     "scenario": json.loads,
@@ -53,10 +53,11 @@ _ATTRIBUTES: dict[str, Callable[[Any], Any]] = {
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Record:
-    """The signals of one run, sampled at times t_k.
+    """The signals of one run, sampled at the times t_k.
 
-    Output k is measured at t_k, and torque k acts on [t_k, t_{k+1}). A record must have `time`,
-    `torque`, and at least one of `speed`, `increment` and `angle`. The other fields may be None.
+    Output k is measured at time t_k, and torque k acts from t_k to t_{k+1}. A record must have the
+    fields `time` and `torque`, and at least one of the fields `speed`, `increment` and `angle`. All
+    other fields can be None.
 
     Attributes
     ----------
@@ -66,33 +67,34 @@ class Record:
         Torque command [N m].
     angle, speed, increment : ndarray (N,), optional
         Measured motor angle [rad], measured motor speed [rad/s], and difference of successive
-        measured motor angles divided by the period [rad/s].
+        measured angles divided by the sampling period [rad/s].
     true_speed, true_angle_m, true_angle_g, true_angle_a, true_angle_l : ndarray (N,), optional
         True motor speed [rad/s], and true angles of motor, gear, arm and load [rad]. The angle of a
-        mass that the plant does not have is None.
+        mass is None if the plant does not have this mass.
     true_parameters : ndarray (N, P), optional
-        True parameters that act on [t_k, t_{k+1}); column i contains `parameter_names[i]`.
+        True parameter values. Row k of the array applies from t_k to t_{k+1}, and column i contains
+        the parameter `parameter_names[i]`.
     parameter_names : tuple of str
-        Names of the P parameters: first the plant parameters, then the parameters of its nonlinear
-        laws.
+        Names of the P parameters: first the parameters of the linear axis, then the parameters of
+        nonlinear effects.
     valid : ndarray (N,) of bool, optional
-        False where a sample is missing; None if no sample is missing.
+        False for each missing sample, or None if no sample is missing.
     scenario : dict
-        Resolved scenario, including its name; empty if unknown.
+        All keys and values of the scenario, or an empty dict if the scenario is unknown.
     hash : str
-        Content hash of the scenario.
+        Hash of the scenario content.
     seed : int, optional
         Seed of the run.
     burn_in : float
-        Length of the initial part of the run that is not scored [s].
+        Length of the initial interval that is excluded from all scores [s].
     versions : dict
-        Versions of the programs that made the record, keyed by name.
+        Versions of the programs that produced the record, keyed by name.
 
     Raises
     ------
     RecordError
-        If a required array is missing, shapes differ, a value is not finite, or the sample times
-        are not evenly spaced.
+        If a required array is missing, if an array has a wrong shape or a value that is not finite,
+        or if the sample times are not evenly spaced.
     """
 
     time: Array
@@ -137,7 +139,7 @@ class Record:
         return 1 / whole if whole and abs(mean * whole - 1) < ROUNDING else mean
 
     def to_xarray(self) -> xarray.Dataset:
-        """Return the xarray Dataset that `save` writes; its dimensions are time and parameter."""
+        """Convert the record to an xarray Dataset with the dimensions time and parameter."""
         import xarray
 
         data: dict[str, Any] = {
@@ -148,7 +150,7 @@ class Record:
         if self.valid is not None:
             data["valid"] = ("time", self.valid.astype(np.int8))
         if self.true_parameters is not None:
-            meaning = {"long_name": "true parameters, constant until the next sample"}
+            meaning = {"long_name": "true parameters, which are constant until the next sample"}
             data["true_parameters"] = (("time", "parameter"), self.true_parameters, meaning)
             data["parameter"] = ("parameter", np.array(self.parameter_names, object))
         attributes = {"burn_in": self.burn_in, "hash": self.hash}
@@ -158,12 +160,12 @@ class Record:
         return xarray.Dataset(data, attrs=attributes)
 
     def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write the record as NetCDF-4, replacing an existing file atomically.
+        """Write the record to a NetCDF-4 file; an existing file is replaced atomically.
 
         Parameters
         ----------
         path : path-like
-            Path of the file, usually with the extension ``.nc``.
+            Path of the NetCDF-4 file, usually with the extension ``.nc``.
 
         Returns
         -------
@@ -195,21 +197,22 @@ def load_record(path: str | os.PathLike[str]) -> Record:
     Parameters
     ----------
     path : path-like
-        Path of a file written by `Record.save`, or of another file with the variables ``time``,
-        ``torque``, and at least one of ``speed``, ``increment`` and ``angle``, all of them with the
-        dimension ``time``.
+        Path of a file that `Record.save` has written, or path of another NetCDF-4 file. The file
+        must contain the variables ``time`` and ``torque``, and at least one of the variables
+        ``speed``, ``increment`` and ``angle``. Each of the signals must have the dimension
+        ``time``.
 
     Returns
     -------
     Record
-        The record. A field without a variable in the file has its default value, which is None in
-        most cases.
+        The record. If the file does not contain a variable, the field of the same name keeps its
+        default value.
 
     Raises
     ------
     RecordError
-        If the file is missing or broken, if the file is not a record, or if it contains invalid
-        values.
+        If the file is missing or damaged, if the file is not a record, or if a value in the file is
+        invalid.
     """
     import xarray
 
@@ -227,15 +230,15 @@ def load_record(path: str | os.PathLike[str]) -> Record:
         raise RecordError(f"{path}: {error}") from error
     except Exception as error:
         # The HDF5 libraries raise many types of exceptions, which have no common base class.
-        raise RecordError(f"{path}: not a NetCDF-4 file, or broken ({error}).") from error
+        raise RecordError(f"{path}: the file is damaged or not NetCDF-4 ({error}).") from error
 
 
 def _fields(file: xarray.Dataset) -> dict[str, Any]:
-    """Read the fields of a record from an open file."""
+    """Read the fields of a record from an open NetCDF-4 file."""
     for name in ("time", "torque"):
         if name not in file.variables:
             present = ", ".join(map(str, file.variables)) or "none"
-            raise RecordError(f"variable {name!r} is missing; the file has {present}.")
+            raise RecordError(f"the variable {name!r} is missing; the file has {present}.")
     content = {name: file[name].values for name in (*SIGNALS, "valid") if name in file.variables}
     if "true_parameters" in file.variables:
         content |= _parameters(file)
@@ -246,17 +249,17 @@ def _fields(file: xarray.Dataset) -> dict[str, Any]:
 
 
 def _parameters(file: xarray.Dataset) -> dict[str, Any]:
-    """Read the true parameters and their names, and sort the columns into the standard order."""
+    """Read the true parameters and their names, and sort the parameters into the standard order."""
     if "parameter" not in file.variables:
-        raise RecordError("variable 'parameter' with the names of the columns is missing.")
+        raise RecordError("the variable 'parameter' with the parameter names is missing.")
     names = [str(name) for name in file["parameter"].values]
     model = model_with(name for name in names if name not in LAW_NAMES)
     order = [*parameter_names(model or DEFAULT), *(name for name in LAW_NAMES if name in names)]
     if sorted(names) != sorted(order):
         raise RecordError(
-            "variable 'parameter' must contain all parameter names of a model, such as "
-            f"{', '.join(PARAMETER_NAMES)}, and may also contain {', '.join(LAW_NAMES)}; it "
-            f"contains {names}."
+            "the variable 'parameter' must contain all parameter names of a model, such as "
+            f"{', '.join(PARAMETER_NAMES)}, and can also contain {', '.join(LAW_NAMES)}; the "
+            f"variable contains {names}."
         )
     values = file["true_parameters"].values[:, [names.index(name) for name in order]]
     return {"true_parameters": values, "parameter_names": tuple(order)}
@@ -265,10 +268,10 @@ def _parameters(file: xarray.Dataset) -> dict[str, Any]:
 def _check(record: Record) -> None:
     """Raise a RecordError if a signal is missing, has a wrong shape or contains invalid values."""
     if all(getattr(record, name) is None for name in OUTPUTS):
-        raise RecordError(f"a record needs one of {', '.join(OUTPUTS)}, but this record has none.")
+        raise RecordError(f"a record needs one of the signals {', '.join(OUTPUTS)}.")
     samples = np.size(record.time)
     if samples < 2:
-        raise RecordError(f"a record needs at least 2 samples; time has {samples}.")
+        raise RecordError(f"a record needs at least 2 samples; this record has {samples}.")
     for name in (*SIGNALS, "valid"):
         _check_array(record, name, (samples,))
     _check_array(record, "true_parameters", (samples, len(record.parameter_names)))
@@ -280,16 +283,14 @@ def _check_array(record: Record, name: str, shape: tuple[int, ...]) -> None:
     if values is None:
         return
     if np.shape(values) != shape:
-        raise RecordError(
-            f"{name} has shape {np.shape(values)}; with {shape[0]} samples, it must be {shape}."
-        )
+        raise RecordError(f"{name} has shape {np.shape(values)}, but the shape must be {shape}.")
     bad = ~np.isfinite(values)
     if bad.any():
         index = tuple(int(i) for i in np.argwhere(bad)[0])
         where = "".join(f", {record.parameter_names[i]}" for i in index[1:])
         raise RecordError(
-            f"{name} is {values[index]} at sample {index[0]}{where} ({bad.sum()} such values); "
-            "mark missing samples with valid = False and give them any finite value."
+            f"{name} is {values[index]} at sample {index[0]}{where} ({bad.sum()} values are not "
+            "finite); mark missing samples with valid = False, and give them any finite value."
         )
 
 
@@ -297,11 +298,12 @@ def _check_grid(time: Array) -> None:
     """Raise a RecordError if the sample times are not evenly spaced."""
     steps = np.diff(time)
     if (steps <= 0).any():
-        raise RecordError(f"time does not advance at sample {np.argmax(steps <= 0) + 1}.")
+        raise RecordError(f"time does not increase at sample {np.argmax(steps <= 0) + 1}.")
     uneven = np.abs(steps / np.median(steps) - 1) > 0.01
     if uneven.any():
         k = int(np.argmax(uneven))
         raise RecordError(
-            f"time is not evenly spaced: {steps[k]:.6g} s from sample {k} to {k + 1}, but usually "
-            f"{np.median(steps):.6g} s; resample the signals, or mark gaps with valid = False."
+            f"time is not evenly spaced: samples {k} and {k + 1} are {steps[k]:.6g} s apart, but "
+            f"most samples are {np.median(steps):.6g} s apart; resample the signals, or mark "
+            "gaps with valid = False."
         )

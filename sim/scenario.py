@@ -1,4 +1,4 @@
-"""Define a scenario, which contains everything that defines a run except its seed."""
+"""Define a scenario, which contains all settings of a simulated run except the random seed."""
 
 from __future__ import annotations
 
@@ -46,61 +46,63 @@ def _a_model(name: str) -> str:
 
 
 class Scenario(Config):
-    """Definition of a run: axis, reference, control loop, sensors and faults.
+    """Definition of a simulated run: axis, reference, control loop, sensors and faults.
 
-    Create a scenario with `load_scenario`, `parse_scenario` or `Scenario.override`. These functions
-    report all invalid keys at once. If every key is valid, they report all conflicts between keys.
-    The page docs/scenarios.md explains each key.
+    Create a scenario with `load_scenario`, `parse_scenario` or `Scenario.override`. If several keys
+    are invalid, the error message reports all invalid keys at once. If all keys are valid, the
+    error message reports all conflicts between keys. The page docs/scenarios.md explains each key
+    of a scenario.
 
     Attributes
     ----------
     name : str
-        Name of the scenario. Scenarios with different content should have different names.
+        Name of the scenario. Two scenarios with different content should have different names.
     duration : float
         Length of the run [s].
     card, group : str, optional
-        Description of the purpose of the scenario, and group of the scenario in the catalogue.
+        Purpose of the scenario in words, and name of its group in the catalogue.
     difficulty : {"easy", "medium", "hard"}, optional
         Difficulty of the scenario for a good estimator.
     period : float
-        Sampling period T [s] of controller and signals; 1/T is an integer.
+        Sampling period T [s] of the controller and of all signals. The sampling rate 1/T must be an
+        integer.
     substeps : int, optional
-        Smallest number of simulation steps per 5 ms. By default, the nonlinear effects of the axis
-        determine the number of steps.
+        Smallest number of simulation steps per 5 ms. By default, the number of simulation steps
+        depends on the nonlinear effects of the axis.
     model, preset : str
-        Name of the plant model (see `flexaxis.models_mjcf.MODEL_NAMES`), and name of a parameter
-        set of this model.
+        Name of the plant model (see `flexaxis.models_mjcf.MODEL_NAMES`), and name of one of its
+        parameter sets.
     parameters : dict of str to float
-        Parameter values that replace values of the preset [SI units].
+        Parameter values that override values of the preset [SI units].
     identify : tuple of str
-        Names of the parameters to estimate, including inverses such as ``"1/J_a"``.
+        Names of the parameters to estimate. An estimator can also estimate the inverse of a
+        parameter, such as ``"1/J_a"``.
     start : float
-        Ratio of the initial estimate of each identified parameter to its nominal value.
+        Initial estimate of each parameter divided by its nominal value.
     known : dict of str to float, optional
-        Prior knowledge of the estimators. An entry for a name in `DATA_SHEET` is the value itself.
-        An entry for a parameter that is not estimated is the ratio of the known value to the true
-        value. The entry `spread` gives every parameter that is not estimated a random error, which
-        depends on the seed (see `drawn`).
+        Prior knowledge that estimators receive. The entry of a parameter that is not estimated is
+        the ratio of its assumed value to its true value. The entry of a data-sheet value such as
+        `poles` is the value itself. The entry `spread` adds a random error to each assumed
+        parameter value. The random error depends on the seed (see `drawn`).
     output : {"speed", "increment", "angle"}
-        Output signal that the estimators use.
+        Measured motor signal that the estimators use.
     burn_in : float
-        Length of the initial part of the run that is not scored [s].
+        Length of the initial interval that is excluded from all scores [s].
     streams : str
-        Part of the scenario that determines the random numbers: "plant" (the part that affects the
-        plant and the sensors) or "content" (the whole scenario). If the value is the `key` of
-        another scenario, both scenarios use the same random numbers.
+        Scenario keys that determine the random numbers. With "plant", only keys for the plant and
+        the sensors affect the random numbers. With "content", all keys affect the random numbers.
+        If `streams` is the `key` of another scenario, both scenarios have the same random numbers.
     feedback : {"clean", "measured"}
         Whether the controller reads the true motor angle or the measured motor angle.
     delay, noise, encoder, controller, excitation, fault
         Tables that define the sensors, the control loop, the reference and the faults.
     filter, friction, lugre, cogging, backlash, stiffening, saturation, optional
-        Tables of effects in the sensors, the gear and the drive that the linear model does not
-        describe.
+        Tables of sensor, gear and drive effects that the linear model does not describe.
     onset_spread : float, optional
-        Largest random shift of faults and pauses [s]. The shift depends on the seed (see `drawn`).
+        Largest random time shift of all faults and pauses [s]. The time shift depends on the seed
+        (see `drawn`).
     nuisance : tuple of Fault, optional
-        Changes of true parameters that do not count as faults. An alarm caused by such a change is
-        a false alarm.
+        Parameter changes that do not count as faults. An alarm due to a nuisance is a false alarm.
     """
 
     name: Word
@@ -147,7 +149,7 @@ class Scenario(Config):
         return self
 
     def drawn(self, seed: int) -> Scenario:
-        """Return this scenario with the random values of one seed (`sim.tables.events.drawn`)."""
+        """Draw the random values of the scenario for one seed, and return the scenario."""
         return drawn(self, seed) if self.onset_spread or self.spread else self
 
     @property
@@ -157,7 +159,7 @@ class Scenario(Config):
 
     @property
     def grid(self) -> Grid:
-        """Sampling grid of the run."""
+        """Grid of the sampling times in the run."""
         return Grid.first(self.samples, self.period)
 
     @property
@@ -167,27 +169,26 @@ class Scenario(Config):
 
     @cached_property
     def nominal(self) -> AxisParameters:
-        """Parameters of the axis before any fault."""
+        """Parameter values of the linear axis before the first fault."""
         return preset(self.preset, self.model).replace(**self.parameters)
 
     @property
     def tables(self) -> dict[str, Any]:
-        """The tables of axis, control loop and sensors that this scenario uses, keyed by name.
+        """Tables of the axis, the control loop and the sensors in this scenario, keyed by name.
 
         The attribute `exact` of a table states whether the linear model still describes the logged
-        signals if a scenario uses the table. The method `in_words` describes the effect of the
-        table.
+        signals exactly. The method `in_words` of a table returns a description of its effect.
         """
         return {k: v for k, v in self if isinstance(v, Config) and k != "excitation"}
 
     @property
     def nonlinear(self) -> dict[str, beyond.Nonlinearity]:
-        """The nonlinear tables of the plant, keyed by name."""
+        """Tables of the nonlinear effects in the plant, keyed by name."""
         return self._tables_of(beyond.Nonlinearity)
 
     @property
     def sensors(self) -> dict[str, sensing.Sensor]:
-        """The sensor tables, keyed by name, in the order in which they process a signal."""
+        """Tables of the sensors, in the order in which they process a signal."""
         return self._tables_of(sensing.Sensor)
 
     def _tables_of(self, kind: type) -> dict[str, Any]:
@@ -195,18 +196,18 @@ class Scenario(Config):
 
     @property
     def linear(self) -> bool:
-        """Whether the linear model with the values known to estimators describes the records."""
+        """Whether the linear model with the assumed parameters describes the records exactly."""
         exact = all(table.exact for table in self.tables.values())
         return exact and not (self.known_factors or self.spread)
 
     @property
     def spread(self) -> float:
-        """Standard deviation of the logarithm of the random factor on each known parameter."""
+        """Standard deviation of the logarithm of the random factors on assumed parameter values."""
         return (self.known or {}).get("spread", 0.0)
 
     @property
     def known_factors(self) -> dict[str, float]:
-        """Ratios of the values that estimators know to the true values, keyed by parameter."""
+        """Ratios of assumed parameter values to true values, keyed by parameter."""
         besides = (*DATA_SHEET, "spread")
         return {name: x for name, x in (self.known or {}).items() if name not in besides}
 
@@ -217,7 +218,7 @@ class Scenario(Config):
 
     @cached_property
     def laws(self) -> dict[str, float]:
-        """Parameter values of the plant's nonlinear laws before any fault, keyed by name."""
+        """Values of the nonlinear plant parameters before the first fault, keyed by name."""
         values: dict[str, float] = {}
         for table in self.nonlinear.values():  # the first table that defines a name has precedence
             values = table.law | values
@@ -225,17 +226,17 @@ class Scenario(Config):
 
     @cached_property
     def initial(self) -> dict[str, float]:
-        """Values of plant parameters and law parameters before any fault, keyed by name."""
+        """Values of all plant parameters before the first fault, keyed by name."""
         return Frozen(self.nominal.as_dict() | self.laws)
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """Names of the P parameters: first the plant parameters, then the law parameters."""
+        """Names of the P plant parameters; the parameters of the linear axis come first."""
         return tuple(self.initial)
 
     @property
     def unchanged(self) -> Array:
-        """Values (P,) of the parameters before any fault."""
+        """Values (P,) of all plant parameters before the first fault."""
         return np.array(list(self.initial.values()))
 
     def true_parameters(self) -> Array:
@@ -244,62 +245,61 @@ class Scenario(Config):
         return np.column_stack([changed(x, n, changes, self.grid) for n, x in self.initial.items()])
 
     def excited(self) -> NDArray[np.bool_]:
-        """Return a boolean array (N,) that is True where the reference moves."""
+        """Return a boolean array (N,) that is True at all samples at which the reference moves."""
         return self.excitation.excited(self.grid)
 
     def events(self) -> tuple[Event, ...]:
-        """Return the changes of true parameters that faults cause, in order of time.
+        """Return all parameter changes that faults cause, in order of time.
 
         A ramp causes one event at its onset. An intermittent fault causes one event at each jump.
-        If several changes of the same parameter overlap, the size of each event is the size of its
-        own fault.
+        If several changes of a parameter overlap, each event still has the size of its own fault.
         """
         return find_events(self.fault, self.nuisance or (), self.grid, self.initial)
 
     @cached_property
     def hash(self) -> str:
-        """SHA-256 (64 hex digits) of the scenario's content without its name and description."""
+        """SHA-256 (64 hex digits) of the scenario content without the name and the description."""
         return identity.content_hash(self.resolved())
 
     @cached_property
     def key(self) -> str:
-        """Key (64 hex digits) of the random streams, for `flexaxis.sim.streams.stream`."""
+        """Key (64 hex digits) of the random numbers, for use by `flexaxis.sim.streams.stream`."""
         return identity.stream_key(self.resolved())
 
     @cached_property
     def record_hash(self) -> str:
-        """SHA-256 of everything that determines a record's signals, except seed and repeat."""
+        """SHA-256 of all settings that affect the signals of a record, except seed and repeat."""
         return identity.record_hash(self.resolved())
 
     def resolved(self) -> dict[str, Any]:
-        """Return all keys and values of the scenario, including defaults and all parameter values.
+        """Return all keys and values of the scenario, including default values and all parameters.
 
-        The result does not contain keys with the value None, so that new optional keys do not
-        change the hashes of old scenarios.
+        The returned dict does not contain keys with the value None. Therefore a new optional key
+        does not change the hashes of old scenarios.
         """
         content = self.model_dump(mode="json", exclude_none=True)
         return content | {"parameters": self.nominal.as_dict()}
 
     def to_toml(self) -> str:
-        """Return all keys and values as TOML text, which `parse_scenario` reads."""
+        """Return all keys and values of the scenario as TOML text for `parse_scenario`."""
         return toml_text(self.resolved())
 
     def override(self, changes: Mapping[str, Any], *, inherit: bool = False) -> Scenario:
-        """Return a scenario with some keys changed; the changes are appended to its name.
+        """Return a copy of this scenario with changed keys; the changes are appended to the name.
 
         Parameters
         ----------
         changes : mapping of str to value
-            New values, keyed by dotted key, such as ``{"start": 1.2, "fault[0].factor": 2.0}``.
+            New values of scenario keys, such as ``{"start": 1.2, "fault[0].factor": 2.0}``.
         inherit : bool
-            Whether to keep the random numbers of this scenario. If the changes would affect the
-            random numbers and do not set `streams`, the method sets `streams` to the `key` of this
-            scenario.
+            Whether the new scenario uses the random numbers of this scenario. If necessary, the
+            method sets `streams` to the `key` of this scenario. If `changes` contains `streams`,
+            the value in `changes` has precedence.
 
         Raises
         ------
         ScenarioError
-            If a key is unknown or a value is not allowed.
+            If a scenario key is unknown, or if a value is not allowed.
         """
         content = self.model_dump(mode="json", exclude_none=True)
         # convert numbers and arrays of NumPy to Python types
@@ -317,19 +317,20 @@ class Scenario(Config):
 
 
 def scenario_from(content: Mapping[str, Any], *, source: str) -> Scenario:
-    """Make a scenario from nested dictionaries of keys and values.
+    """Create a scenario from nested dictionaries of keys and values.
 
     Parameters
     ----------
     content : mapping
-        Keys and values, such as the content of a TOML file.
+        Keys and values of the scenario, for example the content of a TOML file.
     source : str
-        Name of the file or of another origin of the keys, used in error messages.
+        Name of the file or other source of the keys, for use in error messages.
 
     Raises
     ------
     ScenarioError
-        If a key is invalid. Each line of the message contains the source, a key and its problem.
+        If a key of the scenario is invalid. Each line of the error message contains the source, a
+        key and a description of the problem.
     """
     try:
         return Scenario.model_validate(dict(content))
@@ -339,7 +340,7 @@ def scenario_from(content: Mapping[str, Any], *, source: str) -> Scenario:
 
 
 def parse_scenario(text: str, *, source: str = "scenario") -> Scenario:
-    """Make a scenario from TOML text; raise the same errors as `scenario_from`."""
+    """Create a scenario from TOML text; raise the same errors as `scenario_from`."""
     return scenario_from(toml_tables(text, source=source, refuse=ScenarioError), source=source)
 
 

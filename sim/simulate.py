@@ -32,17 +32,18 @@ def simulate(
 ) -> list[Record]:
     """Simulate a scenario once for each seed, in one batch.
 
-    A record depends only on its scenario, seed and repeat, not on the other seeds or their order.
+    A record depends only on its scenario, its seed and its repeat. The other seeds in the batch and
+    their order do not affect the record.
 
     Parameters
     ----------
     scenario : Scenario
         Scenario to simulate.
     seeds : sequence of int
-        Seeds of the runs, which are integers of at least 0.
+        Random seeds of the runs, which must be integers of at least 0.
     repeat : int
         Index of the repetition. Repetitions of a run have the same excitation and the same faults,
-        but different noise.
+        but different noise realizations.
 
     Returns
     -------
@@ -52,12 +53,12 @@ def simulate(
     Raises
     ------
     SimulationError
-        If the physics engine issues a warning, or if a state is not finite. The message contains
-        the scenario, the seed and the time.
+        If the physics engine issues a warning, or if an angle or speed is not finite. The error
+        message contains the scenario, the seed and the simulated time.
     """
     seeds = [int(seed) for seed in seeds]
     if not seeds or min(seeds) < 0:
-        raise ScenarioError(f"seeds: give one or more integers of at least 0, not {seeds}.")
+        raise ScenarioError(f"seeds must be one or more integers of at least 0, not {seeds}.")
     grid, runs = scenario.grid, [scenario.drawn(seed) for seed in seeds]
     reference = np.column_stack(
         [
@@ -82,34 +83,34 @@ def tracked(
     *,
     samples: int | None = None,
 ) -> tuple[Array, NDArray[np.int64]]:
-    """Simulate several runs, each with its own estimator in the control loop.
+    """Simulate several runs, each of which has its own estimator in the control loop.
 
-    All runs have the reference and the noise of one seed.
+    All runs use the same reference and the same noise, which depend on one seed.
 
     Parameters
     ----------
     scenario : Scenario
-        Scenario that defines the random numbers.
+        Scenario that determines the random numbers of all runs.
     runs : sequence of Scenario
-        Scenario of each run; these scenarios differ only in their faults.
+        Scenario of each run; the scenarios of the runs differ only in their faults.
     seed : int
         Seed of the random numbers.
     followers : sequence of Follower or None
-        Estimator of each run, which provides the estimates for the feed-forward, or None.
+        Estimator of each run, which provides parameter estimates for the feed-forward, or None.
     samples : int, optional
-        Number N of samples to simulate; by default all samples of the scenario.
+        Number N of samples to simulate; by default the number of samples in the scenario.
 
     Returns
     -------
     error : ndarray (N, R)
-        Reference minus true motor angle [rad].
+        Motor angle error [rad], which is the reference minus the true motor angle.
     limited : ndarray (R,)
-        Number of samples in each run in which a limit acted on the feed-forward.
+        Number of samples in each run at which an estimate for the feed-forward was limited.
 
     Raises
     ------
     SimulationError
-        If the physics engine issues a warning, or if a state is not finite.
+        If the physics engine issues a warning, or if an angle or speed is not finite.
     """
     seeds, grid = [seed] * len(runs), scenario.grid
     one = runs[0].excitation.reference(grid, stream(scenario.key, seed, "excitation"))
@@ -121,7 +122,7 @@ def tracked(
 
 
 def _white(scenario: Scenario, seeds: list[int], repeat: int, purpose: str) -> Array:
-    """Return white noise (N, R) with standard deviation 1 for one purpose."""
+    """Return white noise (N, R) with standard deviation 1 for a purpose such as "noise.speed"."""
     purpose += f".{repeat}" if repeat else ""
     streams = [stream(scenario.key, seed, purpose) for seed in seeds]
     return np.column_stack([each.standard_normal(scenario.samples) for each in streams])
@@ -136,7 +137,7 @@ def _named(scenario: Scenario, seeds: list[int]) -> Iterator[None]:
         message = (
             f"{scenario.name}, seed {seeds[error.run]}: the simulation failed at "
             f"t = {error.time:.3f} s ({error.reason}). The axis is unstable, or too stiff for the "
-            "integration step: check the gains, the parameters and the faults."
+            "integration step. Check the controller gains, the parameters and the faults."
         )
         raise SimulationError(message, error.run, error.time, error.reason) from None
 
@@ -159,7 +160,7 @@ def _records(scenario: Scenario, seeds: list[int], truth: Truth, read: list[Arra
 
 
 def record_of(scenario: Scenario, seed: int, signals: Mapping[str, Any]) -> Record:
-    """Make the record of a run from its signals (N,), keyed by name."""
+    """Create the record of a run from its signals (N,), which are keyed by name."""
     run = scenario.drawn(seed)
     return Record(
         time=scenario.times,
@@ -176,11 +177,11 @@ def record_of(scenario: Scenario, seed: int, signals: Mapping[str, Any]) -> Reco
 
 @cache
 def versions() -> dict[str, str]:
-    """Return the versions of Python and of the packages that produce records, keyed by name."""
+    """Return the versions of Python, flexaxis, MuJoCo and NumPy, keyed by name."""
     packages = ("flexaxis", "mujoco", "numpy")
     return {"python": platform.python_version()} | {name: version(name) for name in packages}
 
 
 def made_with(scenario: Scenario) -> dict[str, str]:
-    """Return the software versions and the MJCF digest, which affect the bits of a record."""
+    """Return the software versions and the MJCF digest, which can affect the bits of a record."""
     return versions() | {"mjcf": model_digest(scenario.model)}

@@ -1,7 +1,8 @@
-"""Check before a simulation whether the closed loop with the nominal linear axis is stable.
+"""Check the stability of the control loop with the nominal linear axis before a simulation.
 
-The check uses the equations of motion M q̈ + D q̇ + K q = k_T u, where q contains the angles of the
-masses. The check includes the controller, the sampling period and the delays of a scenario.
+The stability check uses the equations of motion M q̈ + D q̇ + K q = k_T u, where the vector q
+contains the angles of the masses. The stability check includes the controller, the sampling period
+and the delays of a scenario.
 """
 
 from __future__ import annotations
@@ -29,27 +30,27 @@ def loop_problem(
     torque_ticks: int = 0,
     late: int = 0,
 ) -> str | None:
-    """Return a message if the loop is unstable, or None if it is stable.
+    """Return an error message if the control loop is unstable, or None if the loop is stable.
 
     Parameters
     ----------
     parameters : AxisParameters
         Parameters of the nominal axis.
     config : ControllerConfig
-        Gains and rate of the controller.
+        Gains and sampling rate of the controller.
     period : float
         Sampling period T [s].
     torque_ticks : int
         Delay of the torque [ms].
     late : int
-        Delay of the angle that the controller reads [samples].
+        Delay of the motor angle that the controller reads [samples].
     """
     growth = _radius(parameters, config, period, torque_ticks, late)
     if growth <= 1 + GROWTH:
         return None
     return (
-        f"the loop is unstable on the nominal axis with Kv = {config.Kv:g} and samples of "
-        f"{1000 * period:g} ms (its fastest mode grows {growth:.6g}-fold per sample): lower "
+        f"the control loop with the nominal axis is unstable for Kv = {config.Kv:g} and a sampling "
+        f"period of {1000 * period:g} ms (a mode grows {growth:.6g}-fold per sample): lower "
         "controller.Kv, or check controller.Kp, controller.Ki and the delays"
     )
 
@@ -58,11 +59,12 @@ def loop_problem(
 def _radius(
     parameters: AxisParameters, config: ControllerConfig, period: float, torque: int, late: int
 ) -> float:
-    """Return the factor by which the fastest-growing mode of the closed loop grows per sample.
+    """Return the spectral radius of the closed loop, which is the largest growth factor per sample.
 
-    The joint state consists of the states of the controller, the plant and the delays. A simulation
-    of one sample from each unit vector of the joint state gives the transition matrix. The result
-    is the largest absolute value of an eigenvalue of this matrix.
+    The state of the closed loop consists of the states of the controller, the plant and the delays.
+    The function simulates one sample from each unit vector of this state to obtain the transition
+    matrix. The spectral radius is the largest absolute value of all eigenvalues of the transition
+    matrix.
     """
     if config.rate:
         period = TICK
@@ -84,10 +86,11 @@ def _radius(
 
 
 def _sampled(parameters: AxisParameters, period: float) -> tuple[Array, Array]:
-    """Return F (2n, 2n) and g (2n,) of the discrete model x[k+1] = F x[k] + g u[k].
+    """Return the matrix F (2n, 2n) and the vector g (2n,) of the model x[k+1] = F x[k] + g u[k].
 
-    The state x contains the angles and the speeds; the torque u is constant during the sample. On a
-    linear axis, a Runge-Kutta step of the engine equals a Taylor series of fourth order.
+    The state x contains the angles and speeds of the masses. The torque u is constant during a
+    sample. For a linear axis, a Runge-Kutta step of the physics engine equals a fourth-order Taylor
+    series.
     """
     steps = substeps([], period)
     A = _continuous(parameters) * (period / steps)
@@ -100,9 +103,9 @@ def _sampled(parameters: AxisParameters, period: float) -> tuple[Array, Array]:
 
 
 def _continuous(parameters: AxisParameters) -> Array:
-    """Return the continuous-time system matrix (2n + 1, 2n + 1).
+    """Return the system matrix (2n + 1, 2n + 1) of the continuous-time axis model.
 
-    The state consists of the n angles, the n speeds and the torque, which is constant.
+    The state consists of the n angles and n speeds of the masses, and the constant torque.
     """
     J, k, d, f = (
         np.array([value for name, value in parameters.items() if name[0] == kind and name != "k_T"])

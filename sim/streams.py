@@ -1,4 +1,4 @@
-"""Provide random numbers that depend on their purpose and not on the order of the draws."""
+"""Provide random numbers that depend on their purpose, but not on the order of generation."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import numpy as np
 def stream(key: str, seed: int, purpose: str) -> np.random.Generator:
     """Return the random number generator for one purpose in one run.
 
-    Generators with different (key, seed, purpose) are independent. Generators with the same key,
-    seed and purpose produce the same numbers in every process and in any order.
+    Two generators are independent if they differ in key, seed or purpose. Two generators with the
+    same key, seed and purpose produce the same numbers, even in different processes.
 
     Parameters
     ----------
@@ -20,12 +20,12 @@ def stream(key: str, seed: int, purpose: str) -> np.random.Generator:
     seed : int
         Seed of the run.
     purpose : str
-        Purpose of the numbers, for example ``"noise.speed"``.
+        Purpose of the random numbers, for example ``"noise.speed"``.
 
     Notes
     -----
-    The generator is Philox 4x64 (Salmon et al., 2011). The key of Philox is the first 128 bits of
-    the SHA-256 of `key`, `seed` and `purpose`.
+    The random number generator is Philox 4x64 (Salmon et al., 2011). The first 128 bits of the
+    SHA-256 of `key`, `seed` and `purpose` are the Philox key.
     """
     digest = sha256(f"{key}/{seed}/{purpose}".encode()).digest()
     return np.random.Generator(np.random.Philox(key=int.from_bytes(digest[:16], "big")))

@@ -11,37 +11,37 @@ PERIOD = 0.005
 """Default sampling period T [s]."""
 
 SHORTEST, LONGEST = 0.001, 0.01
-"""Limits of the sampling period of a scenario [s].
+"""Shortest and longest sampling period that a scenario can have [s].
 
-A sampling period below the engine's step of 1 ms adds no information about the linear axis. With a
-sampling period above 10 ms, the natural frequencies of the nominal axes (up to 24 Hz) are close to
-half the sampling rate.
+The shortest sampling period is equal to the simulation step of the physics engine. For a sampling
+period above 10 ms, half the sampling rate would be too close to the natural frequencies of the
+nominal axes (up to 24 Hz).
 """
 
 TICK = 0.001
-"""Period of inner control loops and resolution of torque delays [s]."""
+"""Sampling period of inner control loops, and resolution of torque delays [s]."""
 
 
 def rate(period: float) -> int:
-    """Return the number of samples per second, given the sampling period [s]."""
+    """Return the sampling rate [Hz], given the sampling period [s]."""
     return round(1 / period)
 
 
 def sample_index(time: float, period: float) -> int:
-    """Return the index of the sample nearest to a time [s]."""
+    """Return the index of the sample that is closest to a time [s]."""
     return round(time * rate(period))
 
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """A grid of samples at which time-varying parameters and references are evaluated.
+    """Samples of a run at which parameters and references are evaluated.
 
     Attributes
     ----------
     k : ndarray (M,) of int
         Indices of the samples.
     period : float
-        Sampling period T [s]; 1/T is an integer.
+        Sampling period T [s]; the sampling rate 1/T is an integer.
     """
 
     k: NDArray[np.int64]
@@ -56,18 +56,18 @@ class Grid:
     def times(self) -> NDArray[np.float64]:
         """Times (M,) of the samples [s].
 
-        The method divides k by the sampling rate instead of multiplying k by T. As a result,
+        The times are computed as k divided by the sampling rate, and not as k times T. Therefore
         ``Grid.first(N, 0.005).times[2060]`` is exactly the float ``10.3``.
         """
         return self.k / rate(self.period)
 
     def index(self, time: float) -> int:
-        """Return the index of the sample nearest to a time [s]."""
+        """Return the index of the sample that is closest to a time [s]."""
         return sample_index(time, self.period)
 
 
 def checked_period(period: float) -> float:
-    """Return a sampling period [s], or raise a ValueError if the period is invalid.
+    """Return the sampling period [s] if it is valid; otherwise raise a ValueError.
 
     Examples
     --------
@@ -75,10 +75,10 @@ def checked_period(period: float) -> float:
     0.0025
     """
     if not SHORTEST <= period <= LONGEST:
-        raise ValueError(f"must be from {SHORTEST:g} to {LONGEST:g} s, not {period:g}")
+        raise ValueError(f"the period must be from {SHORTEST:g} to {LONGEST:g} s, not {period:g}")
     if abs(1 / period - rate(period)) > 1e-6:
         raise ValueError(
-            f"one second must be a whole number of periods: use {1 / rate(period):.6g} "
+            f"one second must be a multiple of the period: use {1 / rate(period):.6g} s "
             f"({rate(period)} Hz), not {period:g}"
         )
     return period

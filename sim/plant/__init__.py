@@ -1,5 +1,5 @@
-"""Simulate the axis in MuJoCo and the control loop around the axis.
+"""Simulate the axis in MuJoCo together with its control loop.
 
-The modules in this package simulate a batch of runs sample by sample. The simulation uses the
-parameters and the nonlinear laws of a scenario to compute angles, speeds and torques.
+The modules of this package simulate several runs in parallel, sample by sample. The parameters and
+nonlinear effects of a scenario determine the simulated angles, speeds and torques.
 """

@@ -1,9 +1,9 @@
 """Implement, in one compiled callback, the friction laws that MuJoCo does not provide.
 
-MuJoCo allows one callback for passive forces per process, and calls this function whenever it
-computes the passive forces. Our callback looks for rows of friction parameters among the custom
-numbers of the model (see `sim/tables/friction.py`). Each run of a batch has its own rows. The
-callback does not affect models without such rows.
+A process can have only one MuJoCo callback for passive forces. MuJoCo calls this function whenever
+it computes the passive forces. The callback in this module searches the custom numbers of the model
+for rows of friction parameters (see `sim/tables/friction.py`). Each run of a batch has its own
+friction parameters. The callback does not affect models without friction parameters.
 """
 
 from __future__ import annotations
@@ -25,20 +25,20 @@ _NUMBERS = 7919  # number of custom numbers in the probe model; no other size ha
 
 
 def install() -> None:
-    """Install our callback in MuJoCo; the first call also compiles the callback (about 1 s).
+    """Install the friction callback in MuJoCo; the first call also compiles it in about 1 s.
 
     Raises
     ------
     SimulationError
-        If another callback is already installed.
+        If another callback for passive forces is already installed.
     """
     with _LOCK:
         ours, present = _compiled().ctypes, mujoco.get_mjcb_passive()
         if present is not None and present is not ours:
             raise SimulationError(
-                "MuJoCo has another passive callback, and a process can have only one: "
-                "remove it with mujoco.set_mjcb_passive(None) before you simulate plants with "
-                "friction laws, or simulate them in a separate process.",
+                "MuJoCo already has another passive callback, and a process can have only one. "
+                "Remove the callback with mujoco.set_mjcb_passive(None), or simulate friction "
+                "laws in a separate process.",
                 run=0, time=0.0, reason="passive callback in use",
             )  # fmt: skip
         mujoco.set_mjcb_passive(ours)
@@ -46,10 +46,11 @@ def install() -> None:
 
 @cache
 def _layout() -> tuple[int, ...]:
-    """Return the offsets of the fields that our callback reads and writes, in units of 8 bytes.
+    """Return the offsets of all fields that the callback reads or writes, in units of 8 bytes.
 
-    Fields of the model: number of custom numbers, their address, and the gear of the first
-    actuator. Fields of the data: speeds, spring torques, passive torques and commands.
+    The callback uses three fields of the model: the number of custom numbers, their address, and
+    the transmission ratio of the first actuator. The callback uses four fields of the simulation
+    data: speeds, spring torques, passive torques and torque commands.
     """
     spec = mujoco.MjSpec()
     spec.worldbody.add_body(mass=1.0, inertia=[1.0, 1.0, 1.0]).add_joint(name="motor")
@@ -64,15 +65,15 @@ def _layout() -> tuple[int, ...]:
 
 
 def _find(structure: Any, value: int) -> int:
-    """Return the index of the first 8-byte word in an engine structure that equals `value`."""
+    """Return the index of the first 8-byte word in an engine structure that is equal to `value`."""
     words = (ctypes.c_int64 * (_SEARCHED // 8)).from_address(structure._address)
     for i in range(len(words)):
         if words[i] == value:
             return i
     raise SimulationError(
-        f"friction laws do not work with MuJoCo {mujoco.__version__}, because the layout of its "
-        "structures is unknown; install mujoco 4.0",
-        run=0, time=0.0, reason="the layout of the engine is unknown",
+        f"friction laws do not work with MuJoCo {mujoco.__version__}, because the memory layout of "
+        "this version is unknown; install mujoco 4.0",
+        run=0, time=0.0, reason="the memory layout of the engine is unknown",
     )  # fmt: skip
 
 
@@ -110,7 +111,7 @@ def _compiled() -> Any:
 
 
 def _any_of(laws: list[Any], code: int = 0) -> Callable[..., float]:
-    """Return a function that computes the friction torque with the law that a row selects."""
+    """Return a function that computes the friction torque, given a row of friction parameters."""
     # `register_jitable` instead of `njit`, because NUMBA_DISABLE_JIT turns `njit` off
     from numba.extending import register_jitable
 

@@ -1,4 +1,4 @@
-"""Simulate the closed loop around the plant, sample by sample, for a batch of runs."""
+"""Simulate the plant in closed loop, sample by sample, for several runs in parallel."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Truth:
-    """True motion of a batch of R runs.
+    """Logged torque and true motion of R simulated runs.
 
     Attributes
     ----------
@@ -34,7 +34,7 @@ class Truth:
     angles : ndarray (N, R, n)
         True angles of the n masses [rad].
     limited : ndarray (R,)
-        Number of samples in each run in which a limit acted on the feed-forward.
+        Number of samples in each run at which an estimate for the feed-forward was limited.
     """
 
     torque: Array
@@ -50,25 +50,25 @@ def closed_loop(
     *,
     followers: Sequence[Follower | None] = (),
 ) -> Truth:
-    """Simulate the closed loop of a batch of R runs.
+    """Simulate R runs of the closed loop in parallel.
 
     Parameters
     ----------
     scenarios : sequence of Scenario
-        One scenario per run. The scenarios differ only in their faults and pauses.
+        One scenario per run. The scenarios of all runs differ only in their faults and pauses.
     reference : ndarray (N, R)
         Desired motor angle [rad].
     white : callable
-        Function that takes the purpose of the noise and returns white noise (N, R) with standard
-        deviation 1. The loop adds noise to the torque and to the sensor signals that it reads.
+        Function that returns white noise (N, R) with standard deviation 1 for a purpose such as
+        "noise.speed". The simulation adds noise to the torque and to the sensor signals.
     followers : sequence of Follower or None
-        Estimator of each run, used only if the controller has a feed-forward. By default, no run
-        has an estimator.
+        Estimator of each run, which is used only if the controller has a feed-forward. By default,
+        no run has an estimator.
 
     Raises
     ------
     SimulationError
-        If the physics engine issues a warning, or if a state is not finite.
+        If the physics engine issues a warning, or if an angle or speed is not finite.
     """
     samples, runs = reference.shape
     scenario, changes = scenarios[0], Changes(scenarios)
@@ -100,7 +100,7 @@ def closed_loop(
 
 
 class Changes:
-    """Changes of the plant's parameters during a batch of runs; each run has its own scenario."""
+    """Parameter changes of the plant during several runs, each of which has its own scenario."""
 
     def __init__(self, scenarios: Sequence[Scenario]) -> None:
         known = {s.hash: s.true_parameters() for s in scenarios}
@@ -111,7 +111,7 @@ class Changes:
         self._names = scenarios[0].parameter_names[linear:]
 
     def make(self, plant: Plant, k: int) -> None:
-        """Update the parameters of the plant that change at sample k."""
+        """Update the plant parameters that change at sample k."""
         if k in self._moves:
             plant.set_parameters(self._parameters[k, self._whose])
         if k in self._turns:
@@ -122,12 +122,12 @@ class Changes:
 
 
 def _changing(values: Array) -> set[int]:
-    """Return the indices k of the samples at which at least one of the values (N, …) changes."""
+    """Return the indices of all samples at which at least one of the values (N, …) changes."""
     return {int(k) for k in np.flatnonzero(np.diff(values, axis=0).any(axis=(1, 2))) + 1}
 
 
 def plant_of(scenario: Scenario, runs: int = 1, ticks: int = 1) -> Plant:
-    """Return the plant of a scenario at rest, with the parameter values before any fault.
+    """Return the plant of a scenario at rest, with its parameter values before the first fault.
 
     Parameters
     ----------
@@ -136,7 +136,7 @@ def plant_of(scenario: Scenario, runs: int = 1, ticks: int = 1) -> Plant:
     runs : int
         Number of runs in the batch.
     ticks : int
-        Number of steps of the plant per sample.
+        Number of calls of `Plant.step` per sample.
     """
     nonlinear, period = list(scenario.nonlinear.values()), scenario.period / ticks
     return Plant(
@@ -149,16 +149,16 @@ def plant_of(scenario: Scenario, runs: int = 1, ticks: int = 1) -> Plant:
 
 
 class _Drive:
-    """The controller and the plant, including the inner loop and the delays.
+    """The controller and the plant, including the inner control loop and the torque delay.
 
     Attributes
     ----------
     disturbance : ndarray (R,) or None
-        Disturbance torque of this sample [N m], which is added to the commands. The log does not
-        contain the disturbance.
+        Disturbance torque during the next sample [N m]. The disturbance is added to the torque
+        commands, but not to the logged torque.
     feed : callable or None
-        Function that takes the feedback command (R,) of this sample [N m] and returns the command
-        including the feed-forward.
+        Function that takes the torque command (R,) of the feedback controller [N m] and returns the
+        torque command with the feed-forward [N m].
     """
 
     def __init__(self, scenario: Scenario, runs: int) -> None:
@@ -174,9 +174,10 @@ class _Drive:
         self.plant = plant_of(scenario, runs, self._ticks)
 
     def advance(self, target: Array, next_target: Array, angle: Array) -> Array:
-        """Simulate one sample and return the logged torque (R,) [N m].
+        """Simulate one sample, and return the logged torque (R,) [N m].
 
-        `angle` (R,) [rad] is the motor angle that the controller reads at the start of the sample.
+        The argument `angle` (R,) [rad] is the motor angle that the controller reads at the start of
+        the sample.
         """
         commands = []
         for tick in range(self._ticks):

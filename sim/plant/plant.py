@@ -1,4 +1,4 @@
-"""Simulate a batch of axes in MuJoCo; the parameters can change at each sample."""
+"""Simulate several axes in MuJoCo in parallel; their parameters can change at each sample."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ _KINDS = {"dof": "joint", "actuator": "actuator"}
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Keep the engine from printing warnings or writing them to a file in the user's folder.
+    """Prevent MuJoCo from printing warnings or writing warnings to a file in the user's folder.
 
-    The engine still counts its warnings, and `Plant.step` raises an error if there are any. The
-    setting applies to the whole process.
+    MuJoCo still counts its warnings, and `Plant.step` raises an error if there is a warning. The
+    context affects all MuJoCo simulations of the process.
     """
     before, silent = mujoco.MjLogConfig.get(), mujoco.MjLogConfig.get()
     silent.logto_console = silent.logto_file = False
@@ -46,10 +46,10 @@ def quiet() -> Iterator[None]:
 
 
 class Plant:
-    """A batch of simulated axes; the torque is constant during each sample.
+    """Several axes that are simulated in parallel, with a constant torque during each sample.
 
-    All runs start at rest at angle zero. The results of a run are bitwise the same in a batch of
-    any size.
+    All axes start at rest at angle zero. The results of an axis are bitwise the same for any number
+    of axes.
 
     Parameters
     ----------
@@ -60,23 +60,23 @@ class Plant:
     period : float
         Simulated time per call of `step` [s].
     substeps : int
-        Number of steps of the fourth-order Runge-Kutta method per period.
+        Number of fourth-order Runge-Kutta steps per call of `step`.
     nonlinear : sequence of Nonlinearity
-        Nonlinear effects of the axis; see `flexaxis.sim.tables.nonlinear`.
+        Nonlinear effects of the axis, as defined in `flexaxis.sim.tables.nonlinear`.
 
     Attributes
     ----------
     angles, speeds : ndarray (R, n)
-        Current angles and speeds of the n masses [rad, rad/s]. These arrays are views of the
-        engine's state and change with each step; copy the arrays to keep their values.
+        Current angles and speeds of the n masses [rad, rad/s]. Both arrays are views of the
+        engine's state, so each call of `step` changes their values.
     angle_m, speed_m : ndarray (R,)
-        Current angle and speed of the motor [rad, rad/s]. The arrays are views of the engine's
-        state, too.
+        Current angle and speed of the motor [rad, rad/s]. Each array is a view of the motor's
+        column in `angles` or `speeds`.
 
     Raises
     ------
     ParameterError
-        If a parameter is not physical.
+        If a parameter value of an axis is physically impossible.
     """
 
     def __init__(
@@ -108,28 +108,28 @@ class Plant:
         self.set_parameters(parameters)
 
     def set_parameters(self, parameters: Sequence[AxisParameters] | Array) -> None:
-        """Change the parameters of the runs without changing the current angles and speeds.
+        """Change the axis parameters without changing the current angles and speeds.
 
-        If the inertia of a body changes, the speed of the body stays the same and its momentum
-        changes. Such a change corresponds to picking up or dropping a load that moves at the same
-        speed.
+        If the inertia of a body changes, the body keeps its speed and its momentum changes.
+        Physically, the axis picks up or drops a load that moves at the same speed.
 
         Parameters
         ----------
         parameters : sequence of AxisParameters, or ndarray (R, P)
-            New parameters of each run. Only parameters with a new value are written to the engine.
+            New parameter values of each run. Only changed values are written to the physics engine.
 
         Raises
         ------
         ParameterError
-            If a parameter is not physical. In this case, no parameter changes.
+            If a parameter value is physically impossible. All parameters then keep their old
+            values.
         """
         rows = [[*p.values()] if isinstance(p, AxisParameters) else p for p in parameters]
         values = np.array(rows, dtype=float)
         new = values != self._values
         for run, column in np.argwhere(new):
             if problem := parameter_problem(self._names[column], float(values[run, column])):
-                raise ParameterError(f"{self._names[column]} of run {run} {problem}.")
+                raise ParameterError(f"{self._names[column]} of run {run}: {problem}.")
         changed = np.flatnonzero(new.any(axis=0))
         for column in changed:  # transposed, because an inertia has three entries per run
             self._places[column].T[...] = values[:, column]
@@ -141,20 +141,20 @@ class Plant:
         self._values = values
 
     def set_law(self, name: str, values: float | Array) -> None:
-        """Change a parameter of a nonlinear law, such as the Coulomb friction f_c.
+        """Change a parameter of a nonlinear effect, such as the Coulomb friction f_c.
 
         Parameters
         ----------
         name : str
-            Name of a parameter of one of the nonlinear laws. If several laws have a parameter of
-            this name, only the parameter of the first law changes.
+            Name of a parameter of a nonlinear effect. If several nonlinear effects have a parameter
+            with this name, only the parameter of the first effect changes.
         values : float or ndarray (R,)
-            New value for all runs, or one new value per run.
+            New parameter value for all runs, or one new value per run.
         """
         next(law for law in self._laws if name in law.values).set(name, values)
 
     def step(self, torque: Array) -> None:
-        """Simulate one period with a constant torque command.
+        """Simulate one sampling period with a constant torque command.
 
         Parameters
         ----------
@@ -164,7 +164,7 @@ class Plant:
         Raises
         ------
         SimulationError
-            If the engine issues a warning, or if a state is not finite.
+            If the physics engine issues a warning, or if an angle or speed is not finite.
         """
         if self._called:
             friction.install()  # the user may have replaced the callback
@@ -175,7 +175,7 @@ class Plant:
             self._fail()
 
     def _fail(self) -> None:
-        """Raise a SimulationError for the first run that failed."""
+        """Raise a SimulationError that describes the first failed run of the batch."""
         counts = self._batch.warning[:, :, 1]
         bad = counts.any(axis=1) | ~np.isfinite(self._batch.state).all(axis=1)
         run = int(np.flatnonzero(bad)[0])
@@ -201,9 +201,10 @@ def _compile(model: str, timestep: float, nonlinear: Sequence[Nonlinearity]) -> 
 
 
 def _parameter_places(batch: Any, names: Sequence[str]) -> Iterator[Array]:
-    """Yield, for each parameter, the engine's array (R, ...) that contains its values.
+    """Yield the engine's array (R, ...) of values for each parameter in `names`.
 
-    Parameters of one kind are in the order of the bodies or the tendons.
+    The inertias must be in the order of the bodies, and the stiffnesses in the order of the
+    tendons.
     """
     seen = Counter({"J": 1})  # the first body is the world
     for name in names:
@@ -217,7 +218,7 @@ def _parameter_places(batch: Any, names: Sequence[str]) -> Iterator[Array]:
 
 
 def _place(batch: Any, model: Any, place: Place) -> Array:
-    """Return the engine's array (R, ...) that contains the number at `place`."""
+    """Return the engine's array (R, ...) that contains the number at the location `place`."""
     values: Array = batch.expand(place.field)
     match place.field:
         case "numeric_data":  # this field contains all custom numbers, concatenated
@@ -228,7 +229,7 @@ def _place(batch: Any, model: Any, place: Place) -> Array:
 
 
 class _LawInEngine:
-    """Parameter values of a nonlinear law, and their locations in the engine."""
+    """Parameter values of a nonlinear effect, and the locations of these values in the engine."""
 
     def __init__(self, batch: Any, model: Any, law: Nonlinearity) -> None:
         self.values: dict[str, float | Array] = dict(law.law)
@@ -236,7 +237,7 @@ class _LawInEngine:
         self._places = {at: _place(batch, model, at) for at in law.kept(self.values)}
 
     def set(self, name: str, values: float | Array) -> None:
-        """Set a parameter to the same value for all runs, or to one value per run (R,)."""
+        """Set a parameter to one value for all runs, or to a separate value for each run (R,)."""
         self.values[name] = values
         for place, value in self._kept(self.values).items():
             self._places[place][...] = value

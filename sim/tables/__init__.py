@@ -1,6 +1,6 @@
 """Define the tables of a scenario file and their checks.
 
-Each class contains the keys of one table and implements their effect on a run. There are tables for
-faults, references, the controller, sensors and friction laws. No module of this package runs the
-physics engine.
+Each class defines the keys of one scenario table and implements their effect on a run. There are
+tables for faults, references, the controller, sensors and friction laws. No module of this package
+calls the physics engine.
 """

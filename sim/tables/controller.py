@@ -28,14 +28,15 @@ class ControllerConfig(Config):
     tau : float
         Time constant of the low-pass filter of the speed error [s]; 0 means no filter.
     rate : {1000}, optional
-        Rate of an inner control loop [Hz]. By default, the controller runs at the sampling rate.
-        An inner loop interpolates the reference linearly between samples.
+        Rate of an inner control loop [Hz]. By default, there is no inner loop and the controller
+        runs at the sampling rate. An inner control loop interpolates the reference linearly between
+        samples.
     log : {"mean", "sample"}, optional
-        Torque that is logged for an inner loop: the mean of the commands in each sample (default),
-        or the command at the start of the sample.
+        Logged torque of an inner control loop: the mean torque command during each sample
+        (default), or the torque command at the start of each sample.
     adapt : AdaptConfig, optional
-        Settings of the feed-forward. If a run has an estimator, the feed-forward uses its
-        estimates.
+        Settings of the feed-forward. If a run has an estimator, the feed-forward uses the estimated
+        parameters.
     """
 
     Kp: NotNegative = 4.0
@@ -49,28 +50,28 @@ class ControllerConfig(Config):
     @model_validator(mode="after")
     def _one_rate(self) -> ControllerConfig:
         if self.adapt and self.rate:
-            raise ValueError("`adapt` needs a loop at the sampling rate: remove `rate` or `adapt`")
+            raise ValueError("`adapt` does not work with an inner loop: remove `rate` or `adapt`")
         return self
 
     @field_validator("log")
     @classmethod
     def _of_an_inner_loop(cls, log: str | None, info: ValidationInfo) -> str | None:
         if log is not None and info.data.get("rate") is None:
-            raise ValueError("needs an inner loop: set controller.rate = 1000")
+            raise ValueError("the key needs an inner control loop: set controller.rate = 1000")
         return log
 
     @property
     def exact(self) -> bool:
-        """Whether the acting torque equals the logged torque during the whole sample."""
+        """Whether the motor torque is equal to the logged torque during the whole sample."""
         return self.rate is None
 
     def logged(self, commands: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
-        """Return the logged torque (R,) [N m], given the commands (R,) of one sample [N m]."""
+        """Return the logged torque (R,) [N m], given all commands (R,) during a sample [N m]."""
         inner = self.rate is not None and self.log != "sample"
         return np.asarray(np.mean(commands, axis=0)) if inner else commands[0]
 
     def in_words(self) -> str:
-        """Return a description of the inner loop or the feed-forward, for messages and tables."""
+        """Return a short description of the inner control loop or the feed-forward."""
         if self.adapt:
             return "loop with feed-forward"
         if self.rate is None:
@@ -79,9 +80,9 @@ class ControllerConfig(Config):
 
 
 class Controller:
-    r"""Cascaded position and speed controller with integral action, for a batch of runs.
+    r"""Cascaded position and speed controller with integral action, for several runs in parallel.
 
-    The position error is e = reference − angle. The command u in sample k is
+    With the position error e = reference − angle, the torque command u in sample k is
 
     .. math::
 
@@ -90,7 +91,7 @@ class Controller:
         I_k &= I_{k-1} + T K_i s_k \\
         u_k &= K_v (s_k + I_k)
 
-    The controller starts at rest, :math:`e_{-1} = v_{-1} = I_{-1} = 0`.
+    The controller is initially at rest: :math:`e_{-1} = v_{-1} = I_{-1} = 0`.
 
     Parameters
     ----------
@@ -104,7 +105,7 @@ class Controller:
     Attributes
     ----------
     state : ndarray (3, R)
-        State before sample k: :math:`e_{k-1}, v_{k-1}, I_{k-1}`.
+        State of the controller before sample k: :math:`e_{k-1}, v_{k-1}, I_{k-1}`.
     """
 
     # The controller uses only elementwise operations. Therefore the bits of its results do not
@@ -118,7 +119,7 @@ class Controller:
     def torque(
         self, reference: NDArray[np.float64], angle: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """Return the torque command (R,) [N m] for this sample, and update the controller's state.
+        """Return the torque command (R,) [N m] of a sample, and update the controller state.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""Compute parameter changes during a run, and draw the random values of a scenario for a seed."""
+"""Compute the parameter changes during a run, and draw the random values of a scenario."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ class Event:
     index : int
         Index of the first sample with a changed value.
     before, after : float
-        Values of the parameter before the change and after its completion. The value after the
-        change ignores other changes of the same parameter that are in progress (see `find_events`).
+        Parameter values before the change and after the complete change. The value `after` ignores
+        other changes of the same parameter that are in progress (see `find_events`).
     """
 
     parameter: str
@@ -43,10 +43,10 @@ class Event:
 
 
 def changed(nominal: float, name: str, changes: Iterable[Fault], grid: Grid) -> Array:
-    """Return the values (N,) of a parameter over time.
+    """Return the value (N,) of a parameter at each sample.
 
-    Each value is the nominal value times the factors of all changes of the parameter `name`. The
-    function ignores changes of other parameters.
+    Each parameter value is the nominal value times the factors of all changes of the parameter
+    `name`. Changes of other parameters do not affect the value.
     """
     factors = (change.factor_at(grid) for change in changes if meant(change.parameter) == name)
     return math.prod(factors, start=np.full(len(grid.k), nominal))
@@ -58,24 +58,24 @@ def find_events(
     grid: Grid,
     nominal: Mapping[str, float],
 ) -> tuple[Event, ...]:
-    """Return the changes caused by faults, in order of time.
+    """Return the parameter changes that faults cause, in order of time.
 
-    An event is the joint effect of all faults of one parameter that begin at the same sample. The
-    value `before` is the true value at the previous sample. The value `after` is the value after
-    completion of these faults, if every other change of the parameter (fault or nuisance) kept its
-    factor from the previous sample. Therefore after/before is the factor of the fault, even if
-    another change of the parameter is in progress.
+    An event combines all faults of one parameter that begin at the same sample. The value `before`
+    of an event is the true parameter value at the previous sample. The value `after` is the
+    parameter value when all faults of the event are complete. All other changes of the parameter
+    keep their factor from the previous sample. Therefore the ratio after/before is the factor of
+    the fault, even if another change of the parameter is in progress.
 
     Parameters
     ----------
     faults : sequence of Fault
         Faults that are scored.
     nuisances : sequence of Fault
-        Other changes of the true parameters, which are not scored.
+        Other changes of the true parameters, which do not count as faults.
     grid : Grid
         Samples of the run.
     nominal : mapping of str to float
-        Parameter values before any fault, keyed by name.
+        Parameter values before the first fault, keyed by name.
     """
     changes = (*faults, *nuisances)
     settled: dict[tuple[int, str], dict[int, int]] = {}
@@ -100,9 +100,10 @@ def find_events(
 
 
 def drawn(scenario: Scenario, seed: int) -> Scenario:
-    """Return the scenario of one seed, with random onsets and random errors of known values.
+    """Return the scenario of one seed, with random onsets and random errors of assumed parameters.
 
-    The result has the same name and the same random numbers as `scenario`, but a different hash.
+    The new scenario has the same name and the same random numbers as `scenario`, but a different
+    hash.
     """
     runs: dict[int, Scenario] = scenario.__dict__.setdefault("_drawn", {})
     if seed not in runs:
@@ -114,11 +115,11 @@ def drawn(scenario: Scenario, seed: int) -> Scenario:
 
 
 def _known(scenario: Scenario, seed: int) -> dict[str, float]:
-    """Return the table `known` of a scenario for one seed, without the key `spread`.
+    """Return the table `known` of a scenario for one seed, with a random error for each parameter.
 
-    Every parameter that is not identified, except the gear ratio, gets an independent random factor
-    exp(spread z), where z is standard normal. The factors do not change the plant. The gear ratio
-    is known exactly.
+    The assumed value of every parameter that is not estimated is multiplied by an independent
+    random factor exp(spread z), where z is a standard normal variable. The random factors do not
+    change the plant. The gear ratio has no random factor, because estimators know it exactly.
     """
     exact = {"r", *DATA_SHEET, *(name.removeprefix("1/") for name in scenario.identify)}
     known = dict.fromkeys(sorted(scenario.nominal.keys() - exact), 1.0) | scenario.known_factors
@@ -129,17 +130,18 @@ def _known(scenario: Scenario, seed: int) -> dict[str, float]:
 
 
 def first_onset(scenario: Scenario) -> int:
-    """Return the index of the sample at which the first fault begins, even if its factor is 1."""
+    """Return the index of the sample at which the first fault begins."""
     return min(scenario.grid.index(fault.at) for fault in scenario.fault)
 
 
 def _moved(scenario: Scenario, seed: int) -> dict[str, Any]:
-    """Return new values for the keys that depend on the random onset, keyed by dotted key.
+    """Draw a random time shift, and return the new times of faults and pauses by dotted key.
 
-    All faults and pauses shift by the same time, so the intervals between them do not change.
-    Nuisances do not shift. The shift is uniformly distributed from -`onset_spread` to
-    +`onset_spread`, in steps of one sample. If the reference moves (or rests) at the nominal time
-    of the first fault, the reference also moves (or rests) at the shifted time.
+    All faults and pauses are shifted by the same time, so the intervals between faults and pauses
+    do not change. Nuisances are not shifted. The time shift is uniformly distributed from
+    -`onset_spread` to +`onset_spread`, in steps of one sample. If the reference moves at the
+    nominal onset of the first fault, the reference also moves at the shifted onset. If the
+    reference rests at the nominal onset, the reference also rests at the shifted onset.
 
     Parameters
     ----------

@@ -23,19 +23,20 @@ Interval = Annotated[tuple[NotNegative, float], Field(strict=False)]
 class Multisine(Config):
     """A sum of sinusoids at all DFT lines in a band, with equal amplitudes and random phases.
 
-    During a pause, the reference keeps its last value and the clock of the signal stops. The signal
-    therefore resumes without a jump.
+    During a pause, the reference keeps its last value. After the pause, the multisine continues
+    without a jump.
 
     Attributes
     ----------
     low, high : float
-        Lowest and highest frequency in the band [Hz].
+        Lowest and highest frequency of the multisine [Hz].
     period : float
-        Period of the signal [s]. The inverse of the period is the spacing of the lines.
+        Period of the multisine [s]. The frequency spacing of the DFT lines is the inverse of the
+        period.
     rms : float
-        Root mean square of the reference in one period [rad on the motor side].
+        Root-mean-square value of the multisine [rad on the motor side].
     pause : tuple of (float, float)
-        Start and end of each pause [s].
+        Start and end time of each pause [s].
     """
 
     kind: Literal["multisine"] = "multisine"
@@ -52,33 +53,33 @@ class Multisine(Config):
     ) -> tuple[tuple[float, float], ...]:
         ends = [end for interval in pause for end in interval]
         if any(later <= earlier for earlier, later in pairwise(ends)):
-            raise ValueError("pauses must be [from, to] with from < to, in order of time")
+            raise ValueError("each pause must end after its start and before the next pause")
         return pause
 
     @model_validator(mode="after")
     def _has_lines(self) -> Multisine:
         if not self._lines():
             raise ValueError(
-                f"no line of the period {self.period:g} s (a multiple of {1 / self.period:g} Hz) "
+                f"no multiple of 1/period = {1 / self.period:g} Hz "
                 f"lies between low = {self.low:g} Hz and high = {self.high:g} Hz"
             )
         return self
 
     def _lines(self) -> range:
-        """Return the indices of the DFT lines in the band, excluding line 0 (the mean)."""
+        """Return the indices of the DFT lines from `low` to `high`, excluding line 0 (the mean)."""
         slack = 1e-9  # tolerance for rounding: 0.1 Hz at 10 s is line 1
         first = max(1, int(np.ceil(self.low * self.period - slack)))
         return range(first, int(np.floor(self.high * self.period + slack)) + 1)
 
     def sampling_problems(self, period: float) -> Iterator[tuple[str, str]]:
-        """Yield the name and a message for each key that is incompatible with a period [s]."""
+        """Yield the name and a message for each key that conflicts with the sampling period [s]."""
         if self.high * period >= 0.5:
-            yield "high", f"must be below half the sampling rate, {0.5 / period:g} Hz"
+            yield "high", f"must be below half the sampling rate ({0.5 / period:g} Hz)"
         if abs(self.period / period - sample_index(self.period, period)) > 1e-6:
-            yield "period", f"must be a whole number of samples of {1000 * period:g} ms"
+            yield "period", f"must be a multiple of the sampling period, {1000 * period:g} ms"
 
     def one_period(self, rng: np.random.Generator, period: float) -> Array:
-        """Return one period of the signal [rad], sampled every `period` s, with random phases."""
+        """Return one period of a multisine with random phases [rad], sampled every `period` s."""
         lines, samples = self._lines(), sample_index(self.period, period)
         spectrum = np.zeros(samples // 2 + 1, dtype=complex)
         spectrum[lines] = np.exp(2j * np.pi * rng.random(len(lines)))
@@ -86,36 +87,36 @@ class Multisine(Config):
         return signal * (self.rms / np.sqrt(np.mean(signal**2)))
 
     def reference(self, grid: Grid, rng: np.random.Generator) -> Array:
-        """Return the reference (N,) [rad]; the reference is 0 during an initial pause."""
+        """Return the reference (N,) [rad], which is 0 during a pause at the start of the run."""
         signal = self.one_period(rng, grid.period)
         clock = np.cumsum(self.excited(grid)) - 1
         return np.where(clock < 0, 0.0, signal[clock % signal.size])
 
     def excited(self, grid: Grid) -> NDArray[np.bool_]:
-        """Return a boolean array (N,) that is True where the reference moves."""
+        """Return a boolean array (N,) that is True at each sample with a moving reference."""
         moves = np.ones(grid.k.size, dtype=bool)
         for begin, end in self.pause:
             moves &= (grid.k < grid.index(begin)) | (grid.k >= grid.index(end))
         return moves
 
     def in_words(self) -> str:
-        """Return a description of the reference, for messages and tables."""
+        """Return a short description of the reference."""
         pauses = "".join(f", paused {begin:g} to {end:g} s" for begin, end in self.pause)
         return f"multisine {self.low:g} to {self.high:g} Hz{pauses}"
 
 
 class Moves(Config):
-    """Minimum-jerk moves from point to point, with a rest after each move.
+    """Point-to-point moves with minimum jerk, and a standstill after each move.
 
     Attributes
     ----------
     reach : float
-        Largest absolute value of a target [rad on the motor side]. The targets are uniformly
-        distributed between -reach and reach. The first move starts at 0.
+        Largest absolute value of a target angle [rad on the motor side]. The target angles are
+        uniformly distributed between -reach and reach. The first move starts at angle 0.
     move : float
         Duration of each move [s].
     dwell : float
-        Time at rest after each move [s].
+        Duration of the standstill after each move [s].
     """
 
     kind: Literal["moves"] = "moves"
@@ -124,7 +125,7 @@ class Moves(Config):
     dwell: NotNegative = 0.2
 
     def reference(self, grid: Grid, rng: np.random.Generator) -> Array:
-        """Return the reference (N,) [rad]; the generator `rng` determines the targets."""
+        """Return the reference (N,) [rad]; the random generator `rng` draws the target angles."""
         cycle, done = self._clock(grid)
         drawn = rng.uniform(-self.reach, self.reach, int(cycle.max()) + 1)
         targets = np.concatenate([[0.0], drawn])
@@ -132,22 +133,22 @@ class Moves(Config):
         return (1 - part) * targets[cycle] + part * targets[cycle + 1]
 
     def excited(self, grid: Grid) -> NDArray[np.bool_]:
-        """Return a boolean array (N,) that is True where the reference moves."""
+        """Return a boolean array (N,) that is True at each sample with a moving reference."""
         return self._clock(grid)[1] < 1
 
     def in_words(self) -> str:
-        """Return a description of the reference, for messages and tables."""
+        """Return a short description of the reference."""
         return f"moves of {self.move:g} s within {self.reach:g} rad, with rests of {self.dwell:g} s"
 
     def _clock(self, grid: Grid) -> tuple[NDArray[np.int64], Array]:
-        """Return, for each sample, the index of the move (N,) and its elapsed fraction (N,)."""
+        """Return the index (N,) and completed fraction (N,) of the current move at each sample."""
         length = grid.index(self.move)
         cycle, since = np.divmod(grid.k, length + grid.index(self.dwell))
         return cycle, np.minimum(since / length, 1.0)
 
 
 class Standstill(Config):
-    """A reference that is zero throughout the run, so that the axis keeps its initial position."""
+    """A constant reference of zero, with which the axis remains at its initial position."""
 
     kind: Literal["standstill"] = "standstill"
 
@@ -156,11 +157,11 @@ class Standstill(Config):
         return np.zeros(len(grid.k))
 
     def excited(self, grid: Grid) -> NDArray[np.bool_]:
-        """Return a boolean array (N,) that is False at all samples, because the axis rests."""
+        """Return a boolean array (N,) that is False, because the reference never moves."""
         return np.zeros(len(grid.k), dtype=bool)
 
     def in_words(self) -> str:
-        """Return a description of the reference, for messages and tables."""
+        """Return a short description of the reference."""
         return "standstill"
 
 

@@ -18,15 +18,15 @@ Array = NDArray[np.float64]
 
 
 def changeable(names: Iterable[str]) -> tuple[str, ...]:
-    """Return the parameters that can change during a run.
+    """Return the names of the parameters that can change during a run.
 
-    The result contains all `names` except the gear ratio r, and all parameters of nonlinear laws.
+    These parameters are all `names` except the gear ratio r, and all nonlinear parameters.
     """
     return (*(name for name in names if name != "r"), *LAW_NAMES)
 
 
 Parameter = str
-"""Name of a `changeable` parameter; `Scenario` checks the name."""
+"""Type of the name of a `changeable` parameter, which `Scenario` checks."""
 
 # A number above 100 is likely a percentage or a parameter value, and not a factor.
 Factor = Annotated[float, Field(ge=0, le=100)]
@@ -35,13 +35,13 @@ Point = Annotated[
     Field(strict=False),  # arrays in TOML become tuples
 ]
 A_SAMPLE = "a sample at least"
-"""Annotation of times that must be at least one sample, because less would be rounded to 0."""
+"""Annotation of times that must not be shorter than one sample, because times are rounded."""
 
 Span = Annotated[Positive, A_SAMPLE]
 
 
 def _change(fault: Fault, share: float = 1.0) -> str:
-    """Return the name of a fault's parameter and the size of the change, such as "f_m +50 %"."""
+    """Return the parameter name and the size of a change, such as "f_m +50 %"."""
     factor = 1.0 + share * (fault.factor - 1.0)
     much = f"{factor:g}-fold" if factor >= 3 else f"{100 * factor - 100:+.3g} %"
     return f"{fault.parameter} {much}"
@@ -55,8 +55,8 @@ class Step(Config):
     parameter : str
         Name of a `changeable` parameter.
     at : float
-        Time of the onset [s], rounded to a sample. This sample is the first sample with the new
-        value.
+        Onset time of the fault [s], rounded to a sample. The parameter has its new value from the
+        onset sample onwards.
     factor : float
         Ratio of the new value to the previous value.
     """
@@ -67,15 +67,15 @@ class Step(Config):
     factor: Factor
 
     def factor_at(self, grid: Grid) -> Array:
-        """Return the factor (N,) of the parameter at each sample."""
+        """Return the factor (N,) that multiplies the parameter at each sample."""
         return np.where(grid.k >= grid.index(self.at), self.factor, 1.0)
 
     def onsets(self, grid: Grid) -> list[tuple[int, int]]:
-        """Return the pair (first changed sample, first settled sample) of each change."""
+        """Return the first changed sample and the first settled sample of each change."""
         return [(grid.index(self.at), grid.index(self.at))]
 
     def in_words(self) -> str:
-        """Return a description of the change, such as "f_m +50 % at 10 s"."""
+        """Return a short description of the fault, such as "f_m +50 % at 10 s"."""
         return f"{_change(self)} at {self.at:g} s"
 
 
@@ -87,12 +87,12 @@ class Ramp(Config):
     parameter : str
         Name of a `changeable` parameter.
     at : float
-        Time of the onset [s], rounded to a sample. This sample is the first sample with a changed
-        value.
+        Onset time of the fault [s], rounded to a sample. The parameter begins to change at the
+        onset sample.
     over : float
-        Time from the onset to the final value [s].
+        Duration of the change from the old value to the new value [s].
     factor : float
-        Ratio of the final value to the value before the onset.
+        Ratio of the final parameter value to the value before the onset.
     """
 
     kind: Literal["ramp"] = "ramp"
@@ -102,35 +102,35 @@ class Ramp(Config):
     factor: Factor
 
     def factor_at(self, grid: Grid) -> Array:
-        """Return the factor (N,) of each sample, which is the mean of the ramp over the sample."""
+        """Return the factor (N,) at each sample, averaged over the duration of the sample."""
         k = grid.k - grid.index(self.at)
         done = np.where(k < 0, 0.0, np.minimum((k + 0.5) / grid.index(self.over), 1.0))
         return 1.0 + done * (self.factor - 1.0)
 
     def onsets(self, grid: Grid) -> list[tuple[int, int]]:
-        """Return the pair (first changed sample, first settled sample) of each change."""
+        """Return the first changed sample and the first settled sample of each change."""
         first = grid.index(self.at)
         return [(first, first + grid.index(self.over))]
 
     def in_words(self) -> str:
-        """Return a description of the change, such as "f_m +50 % from 10 to 15 s"."""
+        """Return a short description of the fault, such as "f_m +50 % from 10 to 15 s"."""
         return f"{_change(self)} from {self.at:g} to {self.at + self.over:g} s"
 
 
 class Thermal(Config):
-    """A parameter approaches a new value exponentially, like the friction of an axis that warms up.
+    """A parameter approaches a new value exponentially, like the friction of a warming axis.
 
     Attributes
     ----------
     parameter : str
         Name of a `changeable` parameter.
     at : float
-        Time of the onset [s], rounded to a sample. This sample is the first sample with a changed
-        value.
+        Onset time of the fault [s], rounded to a sample. The parameter begins to change at the
+        onset sample.
     time_constant : float
-        Time after which 63 % of the change is complete [s].
+        Time until 63 % of the parameter change is complete [s].
     factor : float
-        Ratio of the final value to the value before the onset.
+        Ratio of the final parameter value to the value before the onset.
     """
 
     kind: Literal["thermal"] = "thermal"
@@ -140,38 +140,38 @@ class Thermal(Config):
     factor: Factor
 
     def factor_at(self, grid: Grid) -> Array:
-        """Return the factor (N,) of each sample, which is the mean of the curve over the sample."""
+        """Return the mean factor (N,) during each sample."""
         k = np.maximum(grid.k - grid.index(self.at), -1)
         decay = np.exp(-grid.period / self.time_constant)
         left = decay**k * (1 - decay) * self.time_constant / grid.period
         return 1.0 + np.where(k < 0, 0.0, 1.0 - left) * (self.factor - 1.0)
 
     def onsets(self, grid: Grid) -> list[tuple[int, int]]:
-        """Return the pair (first changed sample, first settled sample) of each change."""
+        """Return the first changed sample and the first settled sample of each change."""
         first = grid.index(self.at)
         return [(first, first + grid.index(40 * self.time_constant))]  # e⁻⁴⁰ is round-off
 
     def in_words(self) -> str:
-        """Return a description of the change, such as "f_m -30 % from 5 s, time constant 20 s"."""
+        """Return a short description, such as "f_m -30 % from 5 s, time constant 20 s"."""
         return f"{_change(self)} from {self.at:g} s, time constant {self.time_constant:g} s"
 
 
 class Intermittent(Config):
-    """A parameter jumps back and forth between two values, for example because of a loose contact.
+    """A parameter alternates between two values, for example because of a loose contact.
 
     Attributes
     ----------
     parameter : str
         Name of a `changeable` parameter.
     at : float
-        Time of the first onset [s], rounded to a sample.
+        Time at which the fault first occurs [s], rounded to a sample.
     on, off : float
-        Durations of the alternating intervals with the fault and without the fault [s], rounded to
-        samples.
+        Durations of the intervals with the fault and of the intervals without the fault [s],
+        rounded to samples.
     factor : float
-        Ratio of the value during the fault to the value without the fault.
+        Ratio of the parameter value during the fault to the value without the fault.
     until : float, optional
-        Time from which the fault does not occur again [s]; by default the end of the run.
+        Time after which the fault does not occur again [s]; by default the end of the run.
     """
 
     kind: Literal["intermittent"] = "intermittent"
@@ -183,16 +183,16 @@ class Intermittent(Config):
     until: Positive | None = None
 
     def factor_at(self, grid: Grid) -> Array:
-        """Return the factor (N,) of the parameter at each sample."""
+        """Return the factor (N,) that multiplies the parameter at each sample."""
         return np.where(self._faulty(grid, grid.k), self.factor, 1.0)
 
     def onsets(self, grid: Grid) -> list[tuple[int, int]]:
-        """Return the pair (first changed sample, first settled sample) of each jump in `grid`."""
+        """Return the first changed sample and the first settled sample of each jump in `grid`."""
         switched = self._faulty(grid, grid.k) != self._faulty(grid, grid.k - 1)
         return [(int(index), int(index)) for index in grid.k[switched]]
 
     def in_words(self) -> str:
-        """Return a description of the change, such as "f_m +50 % from 10 s, 2 s out of 4 s"."""
+        """Return a short description, such as "f_m +50 % from 10 s, 2 s out of 4 s"."""
         return f"{_change(self)} from {self.at:g} s, {self.on:g} s out of {self.on + self.off:g} s"
 
     def _faulty(self, grid: Grid, k: NDArray[np.int64]) -> NDArray[np.bool_]:
@@ -203,21 +203,21 @@ class Intermittent(Config):
 
 
 class Profile(Config):
-    """A parameter follows a piecewise linear profile, for example a measured profile.
+    """A parameter follows a piecewise linear profile over time, such as a measured curve.
 
     Attributes
     ----------
     parameter : str
         Name of a `changeable` parameter.
     at : float
-        Time of the onset [s], rounded to a sample. At this sample, the parameter still has its old
-        value.
+        Onset time of the fault [s], rounded to a sample. At the onset sample, the parameter still
+        has its old value.
     points : tuple of (float, float)
-        Time since the onset [s] and completed fraction of the change (0 to 1) at each corner of the
-        profile. The times are rounded to samples and must differ by at least one sample. After the
-        last point, the parameter remains constant.
+        Corners of the profile. Each corner is a time since the onset [s] and the completed fraction
+        of the change (0 to 1). The times are rounded to samples, and two times must differ by at
+        least one sample. After the last corner, the parameter remains constant.
     factor : float
-        Ratio of the value after the complete change to the value before the onset.
+        Ratio of the parameter value after the complete change to the value before the onset.
     """
 
     kind: Literal["profile"] = "profile"
@@ -231,34 +231,34 @@ class Profile(Config):
     def _in_order(cls, points: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
         times = [time for time, _ in points]
         if not times:
-            raise ValueError("must have at least one entry, not []")
+            raise ValueError("the array must have at least one entry, not []")
         for before, after in pairwise(times):
             if after <= before:
-                raise ValueError(f"times must increase from point to point: {after:g} s follows "
-                                 f"{before:g} s; use a fault of kind step for a jump")  # fmt: skip
+                raise ValueError(f"times must increase from point to point; {after:g} s follows "
+                                 f"{before:g} s; for a jump, use the kind step")  # fmt: skip
         return points
 
     def factor_at(self, grid: Grid) -> Array:
-        """Return the factor (N,) at each sample, interpolated linearly between the points."""
+        """Return the factor (N,) at each sample, interpolated linearly between the corners."""
         index, share = self._knots(grid)
         return 1.0 + np.interp(grid.k, index, share) * (self.factor - 1.0)
 
     def onsets(self, grid: Grid) -> list[tuple[int, int]]:
-        """Return the pair (first changed, first settled sample) of each segment with a change."""
+        """Return the first changed sample and the first settled sample of each changing segment."""
         index, share = self._knots(grid)
         lines = zip(pairwise(index), pairwise(share), strict=True)
         return [(first + 1, last) for (first, last), (old, new) in lines
                 if old != new and first < grid.k[-1]]  # fmt: skip
 
     def in_words(self) -> str:
-        """Return a description of the change, such as "f_m +50 % from 10 s in 3 points"."""
+        """Return a short description of the fault, such as "f_m +50 % from 10 s in 3 points"."""
         number = len(self.points)
         points = "1 point" if number == 1 else f"{number} points"
         most = max(share for _, share in self.points)
         return f"{_change(self, most)} from {self.at:g} s in {points}"
 
     def _knots(self, grid: Grid) -> tuple[list[int], list[float]]:
-        """Return the sample indices and the completed fractions at the corners of the profile."""
+        """Return the sample indices and the completed fractions of all corners of the profile."""
         times, shares = zip((0.0, 0.0), *self.points, strict=True)
         return [grid.index(self.at) + grid.index(time) for time in times], list(shares)
 

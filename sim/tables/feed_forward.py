@@ -14,14 +14,15 @@ from flexaxis.sim.tables.config import Config, Positive
 Array = NDArray[np.float64]
 
 USED = ("k_T", "f_m", "f_c", "r")
-"""Names of the parameters that the feed-forward uses in addition to the inertias."""
+"""Names of the parameters that the feed-forward uses, except the names of the inertias."""
 
 
 Follower = Any
-"""An estimator in the loop, as defined in `flexaxis.estimators.protocol`.
+"""Type of an estimator in the control loop (see `flexaxis.estimators.protocol`).
 
-An estimator has the attributes `names` and `output`. The method ``step(u, y)`` takes u[k] and y[k]
-and returns the estimates θ[k]. The command of sample k + 1 is the first command that uses θ[k].
+An estimator has the attributes `names` and `output`. The method ``step(u, y)`` of an estimator
+takes the torque u[k] and the measurement y[k], and returns the estimates θ[k]. The torque command
+of sample k + 1 is the first command that uses the estimates θ[k].
 """
 
 
@@ -31,18 +32,18 @@ class AdaptConfig(Config):
     Attributes
     ----------
     friction, inertia, torque : bool
-        Terms of the feed-forward. `friction` adds the friction torque at the desired speed.
-        `inertia` adds the torque for the desired acceleration. `torque` divides the command by the
-        estimated torque constant.
+        Terms of the feed-forward. The term `friction` adds the friction torque at the desired
+        speed. The term `inertia` adds the torque for the desired acceleration. The term `torque`
+        divides the torque command by the estimated torque constant.
     smooth : float
         Speed v₀ below which the sign of the desired speed is smoothed [rad/s].
     limit : float
-        Factor that limits the estimates. Each estimate is clipped to the interval from
-        nominal/limit to limit × nominal. The feed-forward ignores estimates of parameters whose
-        nominal value is 0.
+        Factor that limits the estimates of all parameters except the torque constant. The
+        feed-forward limits each estimate to the interval from nominal/limit to limit × nominal. The
+        feed-forward ignores estimates of parameters with a nominal value of 0.
     gain : float
-        Factor that limits the estimate of the torque constant in the same way. The estimated torque
-        constant scales the loop gain, so this factor must be smaller than the gain margin.
+        Factor that limits the estimate of the torque constant. The estimated torque constant scales
+        the loop gain, so `gain` must be smaller than the gain margin.
     """
 
     friction: bool = True
@@ -53,7 +54,7 @@ class AdaptConfig(Config):
     gain: Annotated[float, Field(gt=1, le=10)] = 1.5
 
     def command(self, feedback: Array, motion: tuple[Array, Array], of: Mapping[str, Any]) -> Array:
-        r"""Return the command (R,) [N m] as the sum of feedback and feed-forward.
+        r"""Return the torque command (R,) [N m], which is the sum of feedback and feed-forward.
 
         .. math::
 
@@ -63,12 +64,12 @@ class AdaptConfig(Config):
         Parameters
         ----------
         feedback : ndarray (R,)
-            Command of the feedback controller for the nominal torque constant k_T0 [N m].
+            Torque command of the feedback controller for the nominal torque constant k_T0 [N m].
         motion : (ndarray (R,), ndarray (R,))
             Desired speed v [rad/s] and acceleration a [rad/s²].
         of : mapping of str to float or ndarray (R,)
             Values of the parameters in `USED`, of the inertias (motor first), and of ``"k_T0"``,
-            keyed by name.
+            keyed by parameter name.
         """
         speed, acceleration = motion
         torque = of["k_T0"] * feedback
@@ -81,26 +82,26 @@ class AdaptConfig(Config):
 
 
 class FeedForward:
-    """The feed-forward of a batch of R runs; each run uses its own estimates.
+    """Feed-forward of R runs that are simulated in parallel; each run has its own estimates.
 
     Parameters
     ----------
     config : AdaptConfig
         Terms and limits of the feed-forward.
     nominal : mapping of str to float
-        Parameters of the axis before any fault, keyed by name. A run without an estimator always
-        uses these values.
+        Parameter values of the axis before the first fault, keyed by name. A run without an
+        estimator always uses the nominal values.
     reference : ndarray (N, R)
         Desired motor angle [rad].
     period : float
         Sampling period T [s].
     followers : sequence of Follower or None
-        Estimator of each run, or None for a run without an estimator.
+        Estimator in the control loop of each run, or None for a run without an estimator.
 
     Attributes
     ----------
     limited : ndarray (R,)
-        Number of samples of each run in which an estimate exceeded a limit or was not finite.
+        Number of samples in each run at which an estimate exceeded its limits or was not finite.
     """
 
     def __init__(
@@ -126,7 +127,7 @@ class FeedForward:
         self.limited = np.zeros(runs, int)
 
     def command(self, k: int, feedback: Array) -> Array:
-        """Return the torque command (R,) [N m] of sample k, computed with the latest estimates."""
+        """Compute the torque command (R,) [N m] of sample k with the latest estimates."""
         before, after = self._speed[k], self._speed[k + 1]
         motion = after, (after - before) / self._period
         return self._config.command(feedback, motion, self._values | {"k_T0": self._k_T0})
@@ -143,7 +144,7 @@ class FeedForward:
                 self._use(run, dict(zip(follower.names, theta, strict=True)))
 
     def _use(self, run: int, theta: Mapping[str, float]) -> None:
-        """Clip the estimates of a run to their limits, and count samples with clipped estimates."""
+        """Limit the estimates of a run, and count the samples with limited estimates."""
         beyond = False
         for name, estimate in theta.items():
             parameter = name.removeprefix("1/")

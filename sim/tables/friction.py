@@ -1,10 +1,10 @@
-r"""Define friction laws of the motor; each class is a table of a scenario.
+r"""Define the motor friction laws; each class defines a table of a scenario.
 
 MuJoCo implements Coulomb and LuGre friction. A compiled callback (`sim/plant/friction.py`) computes
-the other laws; the static method `torque` of a class defines the law. To add a law, write a class
-in this module, add the class to `COMPILED_LAWS` and add a key to `Scenario`. The compiled laws use
-a smooth function such as :math:`\tanh(v/v_0)` instead of the sign of the speed v, so the motor
-creeps instead of sticking. The key `smooth` is v₀.
+the other friction laws. The static method `torque` of a class defines a compiled friction law. To
+add a friction law, write a class in this module, add the class to `COMPILED_LAWS` and add a key to
+`Scenario`. The compiled friction laws use a smooth function such as :math:`\tanh(v/v_0)` instead of
+the sign of the speed v, so the motor creeps instead of sticking. The key `smooth` is v₀.
 """
 
 from __future__ import annotations
@@ -20,54 +20,54 @@ from flexaxis.sim.tables.config import NotNegative, Positive
 from flexaxis.sim.tables.nonlinear import Nonlinearity, Place, passive
 
 MARK: float = struct.unpack("=d", b"flexaxis")[0]
-"""First number of each parameter row, which distinguishes our rows from other custom numbers."""
+"""First number of each row of friction parameters, which identifies the row in a MuJoCo model."""
 
 WIDTH = 12
-"""Length of a parameter row: the mark, the index of the law, and up to ten parameters."""
+"""Length of a row of friction parameters: mark, index of the friction law, up to ten parameters."""
 
 Row = Sequence[float]
 
 
 class _CompiledLaw(Nonlinearity):
-    """A friction law that the compiled callback computes from a row of custom numbers."""
+    """Friction law that the compiled callback computes from a row of friction parameters."""
 
     substeps: ClassVar[int] = 20  # the speed can change sign within 1 ms; the error is 6e-5
     parameters: ClassVar[tuple[str, ...]]
-    """Keys of the table that are also parameters in a record."""
+    """Keys of the scenario table that are also parameters in a record."""
 
     def build(self, spec: Any) -> None:
-        """Add the friction law to an `MjSpec`."""
+        """Add the friction law to a model specification (`MjSpec`) of MuJoCo."""
         code = float(COMPILED_LAWS.index(type(self)))
         row = [MARK, code, *map(float, self.model_dump().values())]
         spec.add_numeric(name=type(self).__name__, size=WIDTH, data=row)
 
     @property
     def law(self) -> dict[str, float]:
-        """Parameters of the friction law, keyed by name."""
+        """Parameter values of the friction law, keyed by name."""
         return {name: getattr(self, name) for name in self.parameters}
 
     def kept(self, law: Mapping[str, Any]) -> dict[Place, Any]:
-        """Return the numbers in the engine that represent the parameters `law`, keyed by place."""
+        """Return the values of the parameters `law` in the engine, keyed by their location."""
         keys, owner = [*type(self).model_fields], type(self).__name__
         at = {name: Place("numeric_data", owner, 2 + keys.index(name)) for name in law}
         return {at[name]: value for name, value in law.items()}
 
 
 class FrictionConfig(Nonlinearity):
-    """Coulomb friction of the motor, which does not depend on the magnitude of the speed.
+    """Coulomb friction of the motor, which depends only on the sign of the motor speed.
 
     Attributes
     ----------
     coulomb : float
-        Coulomb friction torque [N m]. The friction opposes the motion of a moving motor, and keeps
-        a motor at rest against torques up to this value.
+        Coulomb friction torque [N m]. The friction torque opposes the motor motion. If the motor
+        rests, friction prevents motion until another torque exceeds the Coulomb friction torque.
     """
 
     substeps: ClassVar[int] = 20  # a reversal is located to within one step; the error is 7e-4
     coulomb: Positive
 
     def build(self, spec: Any) -> None:
-        """Add the friction law to an `MjSpec`."""
+        """Add the friction law to a model specification (`MjSpec`) of MuJoCo."""
         motor = spec.joint("motor")
         motor.frictionloss = self.coulomb
         # the engine's default friction is soft, which would cause errors of 50 %
@@ -75,41 +75,41 @@ class FrictionConfig(Nonlinearity):
 
     @property
     def law(self) -> dict[str, float]:
-        """Parameters of the friction law, keyed by name."""
+        """Parameter values of the friction law, keyed by name."""
         return {"f_c": self.coulomb}
 
     def kept(self, law: Mapping[str, Any]) -> dict[Place, Any]:
-        """Return the numbers in the engine that represent the parameters `law`, keyed by place."""
+        """Return the values of the parameters `law` in the engine, keyed by their location."""
         return {Place("dof_frictionloss", "motor"): law["f_c"]}
 
     def in_words(self) -> str:
-        """Return a description of the friction law, for messages and tables."""
+        """Return a short description of the friction law."""
         return f"Coulomb friction of {self.coulomb:g} N m"
 
 
 class LuGreConfig(Nonlinearity):
-    r"""LuGre friction of the motor: bristles that bend, stick and slip.
+    r"""LuGre friction of the motor, which models friction as the deflection of elastic bristles.
 
-    If z is the deflection of the bristles and v is the motor speed, the friction torque is
+    With the bristle deflection z and the motor speed v, the friction torque is
 
     .. math::
 
         F = \sigma_0 z + \sigma_1 \dot z, \quad \dot z = v - \sigma_0 |v| z / g(v), \quad
         g(v) = F_c + (F_s - F_c) e^{-(v/v_s)^2}
 
-    (Canudas de Wit et al., IEEE Trans. AC 40, 1995, 419-425). Viscous friction with the axis
-    parameter f_m acts in addition.
+    (Canudas de Wit et al., IEEE Trans. AC 40, 1995, 419-425). The axis parameter f_m adds
+    viscous friction.
 
     Attributes
     ----------
     stiffness : float
         Stiffness σ₀ of the bristles [N m/rad].
     damping : float
-        Damping σ₁ of the bristles [N m s/rad].
+        Damping coefficient σ₁ of the bristles [N m s/rad].
     coulomb, static : float
         Coulomb torque F_c at high speed and breakaway torque F_s [N m].
     stribeck : float
-        Stribeck speed v_s of the transition from F_s to F_c [rad/s].
+        Stribeck speed v_s, which determines the transition from F_s to F_c [rad/s].
     """
 
     substeps: ClassVar[int] = 10  # bristles are integrated to first order; the error is 7e-4
@@ -123,18 +123,18 @@ class LuGreConfig(Nonlinearity):
     def _breaking_away_is_harder(self) -> LuGreConfig:
         if self.static < self.coulomb:
             raise ValueError(
-                f"static = {self.static:g} must be at least coulomb = {self.coulomb:g}"
+                f"static = {self.static:g} must not be less than coulomb = {self.coulomb:g}"
             )
         return self
 
     def build(self, spec: Any) -> None:
-        """Add the friction law to an `MjSpec`."""
+        """Add the friction law to a model specification (`MjSpec`) of MuJoCo."""
         law = [self.stiffness, self.damping, self.coulomb, self.static, self.stribeck]
         passive(spec, "lugre", lugre=law)
 
     @property
     def law(self) -> dict[str, float]:
-        """Parameters of the friction law, keyed by name; f_s is the breakaway torque minus f_c."""
+        """Parameter values of the friction law, keyed by name."""
         return {
             "f_c": self.coulomb,
             "f_s": self.static - self.coulomb,
@@ -144,7 +144,7 @@ class LuGreConfig(Nonlinearity):
         }
 
     def kept(self, law: Mapping[str, Any]) -> dict[Place, Any]:
-        """Return the numbers in the engine that represent the parameters `law`, keyed by place."""
+        """Return the values of the parameters `law` in the engine, keyed by their location."""
         return {
             Place("actuator_biasprm", "lugre", 3): law["f_c"],
             Place("actuator_biasprm", "lugre", 4): law["f_c"] + law["f_s"],
@@ -154,28 +154,28 @@ class LuGreConfig(Nonlinearity):
         }
 
     def in_words(self) -> str:
-        """Return a description of the friction law, for messages and tables."""
-        return f"LuGre friction of {self.coulomb:g} N m, {self.static:g} N m to break away"
+        """Return a short description of the friction law."""
+        return f"LuGre friction of {self.coulomb:g} N m, breakaway torque {self.static:g} N m"
 
 
 class StaticFrictionConfig(_CompiledLaw):
-    r"""A static friction curve with a peak at low speed.
+    r"""Static friction curve with a peak at low motor speed.
 
     .. math:: \tau = (F_c + F_{cs} / \cosh(\alpha v)) \tanh(\beta v)
 
     (E. Wernholt and S. Gunnarsson, *Nonlinear identification of a physically parameterized robot
-    model*, SYSID 2006). Viscous friction with the axis parameter f_m acts in addition.
+    model*, SYSID 2006). The axis parameter f_m adds viscous friction.
 
     Attributes
     ----------
     f_c : float
         Coulomb torque F_c at high speed [N m].
     f_s : float
-        Additional torque F_cs at low speed [N m].
+        Additional friction torque F_cs at low speed [N m].
     alpha : float
-        Inverse α of the speed above which the additional torque decays [s/rad].
+        Inverse speed α. The additional friction torque decays above the speed 1/α [s/rad].
     beta : float
-        Inverse β of the speed within which the friction builds up [s/rad].
+        Inverse speed β. The friction torque builds up within the speed 1/β [s/rad].
     """
 
     parameters: ClassVar[tuple[str, ...]] = ("f_c", "f_s", "alpha", "beta")
@@ -186,21 +186,21 @@ class StaticFrictionConfig(_CompiledLaw):
 
     @staticmethod
     def torque(row: Row, speed: float, load: float, motor: float) -> float:
-        """Return the friction torque [N m]; a positive torque opposes a positive speed."""
+        """Return the friction torque [N m], which opposes motion and has the sign of `speed`."""
         peak = row[3] / math.cosh(row[4] * speed)
         return (row[2] + peak) * math.tanh(row[5] * speed)
 
     def in_words(self) -> str:
-        """Return a description of the friction law, for messages and tables."""
+        """Return a short description of the friction law."""
         return f"a friction curve with F_c = {self.f_c:.3g} N m, F_cs = {self.f_s:.3g} N m"
 
 
 class LoadFrictionConfig(_CompiledLaw):
-    r"""Dry friction that grows with the torque that the gear transmits.
+    r"""Dry friction that increases with the torque transmitted by the gear.
 
     .. math:: \tau = (f_c + \mu |\tau_g|) \tanh(v/v_0)
 
-    Here :math:`\tau_g` is the torque of the gear spring on the motor side; if the spring is linear,
+    The gear spring torque on the motor side is :math:`\tau_g`. For a linear gear spring,
     :math:`\tau_g = r k_g x_1`.
 
     Attributes
@@ -208,9 +208,9 @@ class LoadFrictionConfig(_CompiledLaw):
     f_c : float
         Friction torque without load [N m].
     load : float
-        Ratio μ of friction torque to transmitted torque.
+        Ratio μ of load-dependent friction torque to transmitted torque.
     smooth : float
-        Speed v₀ below which the sign of the speed is smoothed [rad/s].
+        Speed v₀ [rad/s]. Below v₀, a smooth function replaces the sign of the motor speed.
     """
 
     parameters: ClassVar[tuple[str, ...]] = ("f_c",)
@@ -220,44 +220,45 @@ class LoadFrictionConfig(_CompiledLaw):
 
     @staticmethod
     def torque(row: Row, speed: float, load: float, motor: float) -> float:
-        """Return the friction torque [N m]; a positive torque opposes a positive speed."""
+        """Return the friction torque [N m], which opposes motion and has the sign of `speed`."""
         return (row[2] + row[3] * abs(load)) * math.tanh(speed / row[4])
 
     def in_words(self) -> str:
-        """Return a description of the friction law, for messages and tables."""
-        return f"dry friction of {self.f_c:g} N m and {100 * self.load:g} % of the load"
+        """Return a short description of the friction law."""
+        return f"dry friction of {self.f_c:g} N m plus {100 * self.load:g} % of the gear torque"
 
 
 class GearFrictionConfig(_CompiledLaw):
-    r"""Friction of a geared drive, which depends on the motor torque and on the gear torque.
+    r"""Friction of a geared drive, which depends on the motor torque and the gear torque.
 
     .. math::
 
         \tau = [f_c + |\mu_e \tau_g - \mu_m u|
                 + (f_s + |\mu_{es} \tau_g - \mu_{ms} u|) e^{-|v/v_s|^\alpha}] \tanh(v/v_0)
 
-    Here u is the motor torque, and τ_g is the torque of the gear spring on the motor side. The law
-    is model M5 of M. Duclusaud, G. Passault, V. Padois and O. Ly, *Extended friction models for the
-    physics simulation of servo actuators*, arXiv:2410.08650, with tanh instead of the sign. Viscous
-    friction with the axis parameter f_m acts in addition. Because u and τ_g have separate
-    coefficients, the friction depends on whether the motor drives the load or the load drives the
-    motor.
+    In this equation, u is the motor torque and τ_g is the gear spring torque on the motor side. The
+    friction law is model M5 of M. Duclusaud, G. Passault, V. Padois and O. Ly, *Extended friction
+    models for the physics simulation of servo actuators*, arXiv:2410.08650, with tanh instead of
+    the sign function. The axis parameter f_m adds viscous friction. The motor torque and the gear
+    torque have separate coefficients. Therefore the friction depends on whether the motor drives
+    the load or the load drives the motor.
 
     Attributes
     ----------
     f_c, f_s : float
-        Coulomb torque at high speed and additional torque at low speed, without load [N m].
+        Coulomb torque at high speed, and additional friction torque at low speed [N m]. The values
+        of `f_c` and `f_s` apply to a drive without load.
     motor, external : float
-        Coefficients μ_m of the motor torque and μ_e of the spring torque.
+        Coefficient μ_m of the motor torque, and coefficient μ_e of the gear torque.
     motor_slow, external_slow : float
-        Coefficients μ_ms of the motor torque and μ_es of the spring torque for the additional
-        friction at low speed.
+        Coefficient μ_ms of the motor torque, and coefficient μ_es of the gear torque, for the
+        additional friction at low speed.
     v_s : float
-        Stribeck speed above which the additional friction decays [rad/s].
+        Stribeck speed, above which the additional friction decays [rad/s].
     alpha : float
         Exponent α of the decay.
     smooth : float
-        Speed v₀ below which the sign of the speed is smoothed [rad/s].
+        Speed v₀ [rad/s]. Below v₀, a smooth function replaces the sign of the motor speed.
     """
 
     parameters: ClassVar[tuple[str, ...]] = ("f_c", "f_s", "v_s")
@@ -273,17 +274,17 @@ class GearFrictionConfig(_CompiledLaw):
 
     @staticmethod
     def torque(row: Row, speed: float, load: float, motor: float) -> float:
-        """Return the friction torque [N m]; a positive torque opposes a positive speed."""
+        """Return the friction torque [N m], which opposes motion and has the sign of `speed`."""
         fast = row[2] + abs(row[5] * load - row[4] * motor)
         slow = row[3] + abs(row[7] * load - row[6] * motor)
         left = math.exp(-(abs(speed / row[8]) ** row[9]))
         return (fast + slow * left) * math.tanh(speed / row[10])
 
     def in_words(self) -> str:
-        """Return a description of the friction law, for messages and tables."""
+        """Return a short description of the friction law."""
         dry = f"{self.f_c:.2g} N m ({self.f_c + self.f_s:.2g} at low speed)"
         shares = f"{100 * self.motor:.2g} % of the motor torque, {100 * self.external:.2g} %"
-        return f"gear friction of {dry}, {shares} of the load"
+        return f"gear friction of {dry}, {shares} of the gear torque"
 
 
 COMPILED_LAWS: tuple[Any, ...] = (
@@ -291,4 +292,4 @@ COMPILED_LAWS: tuple[Any, ...] = (
     LoadFrictionConfig,
     GearFrictionConfig,
 )
-"""Laws that the compiled callback computes; a row selects its law by the index in this tuple."""
+"""Classes of all compiled friction laws; a row of friction parameters contains the class index."""

@@ -1,9 +1,9 @@
-"""Define nonlinear effects of an axis; each class is a table of a scenario.
+"""Define the nonlinear effects of an axis; each class defines a table of a scenario.
 
-The method `build` of a class adds the effect to the MuJoCo model of the plant. The attribute
-`exact` states whether the linear model describes the effect exactly. The attribute `substeps` is
-the number of simulation steps that the effect requires. With this number of steps, the motor speed
-agrees with an independent solution to 1e-5 of its rms value, or to 1e-3 for stick-slip friction.
+The method `build` of a class adds the nonlinear effect to the MuJoCo model of the plant. The
+attribute `exact` states whether the linear axis model describes the effect exactly. The attribute
+`substeps` is the number of simulation steps that the effect requires. With the required number of
+steps, the relative error of the simulated motor speed is 1e-5, or 1e-3 for stick-slip friction.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _NO_INPUT = 16  # MuJoCo's mjINPUT_NONE: an actuator without a command
 
 
 class Place(NamedTuple):
-    """Location of a number in the engine: name of the field, name of the object, and column."""
+    """Location of a number in MuJoCo: name of the field, name of the object, and column."""
 
     field: str
     owner: str
@@ -30,12 +30,12 @@ class Place(NamedTuple):
 
 
 class Nonlinearity(Config):
-    """A scenario table that adds a nonlinear effect to the plant.
+    """Base class of all scenario tables that add a nonlinear effect to the plant.
 
     Attributes
     ----------
     exact : bool
-        Whether the linear model describes the effect exactly (False for all nonlinear effects).
+        False, because the linear axis model does not describe a nonlinear effect.
     substeps : int
         Number of simulation steps per 5 ms that the effect requires.
     """
@@ -44,26 +44,26 @@ class Nonlinearity(Config):
     substeps: ClassVar[int] = LINEAR_SUBSTEPS
 
     def build(self, spec: Any) -> None:
-        """Add the effect to an `MjSpec`."""
+        """Add the effect to a model specification (`MjSpec`) of MuJoCo."""
         raise NotImplementedError
 
     @property
     def law(self) -> dict[str, float]:
-        """Parameters of the effect that records contain, keyed by name."""
+        """Parameter values of the effect, keyed by their names in a record."""
         return {}
 
     def kept(self, law: Mapping[str, Any]) -> dict[Place, Any]:
-        """Return the numbers in the engine that represent the parameters `law`, keyed by place.
+        """Return the values of the parameters `law` in the engine, keyed by their location.
 
-        The dictionary is empty if the parameters cannot change during a run.
+        The returned dictionary is empty if the parameters cannot change during a run.
         """
         return {}
 
 
 def substeps(features: Iterable[Nonlinearity], period: float, *, least: int = 1) -> int:
-    """Return the number of simulation steps per `period` [s] that all features together require.
+    """Return the number of simulation steps per `period` [s] that all effects require.
 
-    The argument `least` is a lower limit of the number of steps per 5 ms.
+    The argument `least` is a lower limit for the number of simulation steps per 5 ms.
 
     Examples
     --------
@@ -75,25 +75,25 @@ def substeps(features: Iterable[Nonlinearity], period: float, *, least: int = 1)
 
 
 class CoggingConfig(Nonlinearity):
-    """Cogging of the motor, which is a torque amplitude · sin(poles · φ_m) due to the magnets.
+    """Cogging torque of the motor magnets, amplitude · sin(poles · φ_m).
 
     Attributes
     ----------
     amplitude : float
         Amplitude of the cogging torque [N m].
     poles : int
-        Number of cogging periods per revolution of the motor.
+        Number of cogging periods per motor revolution.
     """
 
     amplitude: Positive
     poles: int = Field(ge=1, le=500)
 
     def build(self, spec: Any) -> None:
-        """Add the effect to an `MjSpec`."""
+        """Add the effect to a model specification (`MjSpec`) of MuJoCo."""
         passive(spec, "cogging", cogging=[self.amplitude, self.poles, 0.0])
 
     def in_words(self) -> str:
-        """Return a description of the effect, for messages and tables."""
+        """Return a short description of the nonlinear effect."""
         return f"cogging of {self.amplitude:g} N m, {self.poles} periods per revolution"
 
 
@@ -103,82 +103,82 @@ class BacklashConfig(Nonlinearity):
     Attributes
     ----------
     gear : float
-        Width of the gap in which the gear spring exerts no torque [rad on the arm side]. The damper
-        of the gear also acts in the gap.
+        Width of the backlash gap, in which the gear spring exerts no torque [rad on the arm side].
+        The gear damper also acts in the gap.
     """
 
     substeps: ClassVar[int] = 20
     gear: Positive
 
     def build(self, spec: Any) -> None:
-        """Add the effect to an `MjSpec`."""
+        """Add the effect to a model specification (`MjSpec`) of MuJoCo."""
         spec.tendon("gear").springlength = [-self.gear / 2, self.gear / 2]
 
     @property
     def law(self) -> dict[str, float]:
-        """Parameters of the effect, keyed by name."""
+        """Parameter values of the nonlinear effect, keyed by name."""
         return {"gap": self.gear}
 
     def in_words(self) -> str:
-        """Return a description of the effect, for messages and tables."""
+        """Return a short description of the nonlinear effect."""
         return f"backlash of {self.gear:g} rad at the gear"
 
 
 class StiffeningConfig(Nonlinearity):
-    """A gear spring that stiffens with its twist x; its torque is k_g (x + gear · x³).
+    """Gear spring whose stiffness increases with the twist x; the torque is k_g (x + gear · x³).
 
-    Both terms of the torque are proportional to k_g, so a fault of k_g changes both terms by the
-    same factor.
+    The linear and the cubic term are proportional to k_g, so a fault of k_g changes both terms by
+    the same factor.
 
     Attributes
     ----------
     gear : float
-        Ratio of the cubic coefficient to the linear coefficient [1/rad² on the arm side].
+        Ratio of the cubic stiffness coefficient to the linear coefficient [1/rad² on the arm side].
     """
 
     gear: Positive
 
     def build(self, spec: Any) -> None:
-        """Add the effect to an `MjSpec`."""
+        """Add the effect to a model specification (`MjSpec`) of MuJoCo."""
         spring = spec.tendon("gear")
         spring.stiffness = [spring.stiffness[0], 0.0, self.gear * spring.stiffness[0]]
 
     @property
     def law(self) -> dict[str, float]:
-        """Parameters of the effect, keyed by name."""
+        """Parameter values of the nonlinear effect, keyed by name."""
         return {"kappa": self.gear}
 
     def in_words(self) -> str:
-        """Return a description of the effect, for messages and tables."""
-        return f"gear spring stiffening by {self.gear:g}/rad²"
+        """Return a short description of the nonlinear effect."""
+        return f"stiffening gear spring, {self.gear:g}/rad²"
 
 
 class SaturationConfig(Nonlinearity):
-    """A torque limit of the drive; the log contains the torque command before the limit acts.
+    """Torque limit of the drive; the logged torque is the command before this limit.
 
     Attributes
     ----------
     torque : float
-        Limit of the absolute value of the command [N m]. The torque constant k_T multiplies the
-        limited command.
+        Largest absolute value of the torque command [N m]. The drive multiplies the limited command
+        by the torque constant k_T.
     """
 
     torque: Positive
 
     def build(self, spec: Any) -> None:
-        """Add the effect to an `MjSpec`."""
+        """Add the effect to a model specification (`MjSpec`) of MuJoCo."""
         spec.actuator("motor").forcerange = [-self.torque, self.torque]
 
     def in_words(self) -> str:
-        """Return a description of the effect, for messages and tables."""
+        """Return a short description of the nonlinear effect."""
         return f"torque limited to {self.torque:g} N m"
 
 
 def passive(spec: Any, name: str, **law: list[float]) -> None:
-    """Add a DC motor without current to the motor joint.
+    """Add a DC motor without input to the motor joint, which exerts friction or cogging torque.
 
-    The engine's DC motor implements LuGre friction and cogging. The keyword arguments `law` contain
-    the parameters of these effects.
+    The DC motor of MuJoCo implements LuGre friction and cogging. The keyword arguments `law`
+    contain the parameters of LuGre friction and cogging.
     """
     motor = spec.add_actuator(name=name, target="motor")
     motor.trntype = spec.actuator("motor").trntype

@@ -1,9 +1,10 @@
-"""Define the sensors (delay, noise, encoder and filter), which turn the motion into logged signals.
+"""Define the sensor tables: delay, noise, encoder and filter.
 
-The method `stage` of a table returns a function that changes a signal. The attribute `exact` states
-whether the linear model still describes the changed signal. A signal passes through all stages in
-the order of the keys of `Scenario`. The log contains the output of the last stage. The controller
-reads this output if the feedback is "measured"; otherwise the controller reads the true angle.
+The method `stage` of a sensor table returns a function that processes a signal. The attribute
+`exact` states whether the linear model still describes the processed signal. A signal passes
+through all sensors in the order of the keys in `Scenario`. The log contains the output of the last
+sensor. If the feedback is "measured", the controller reads the output of the last sensor. Otherwise
+the controller reads the true angle.
 """
 
 from __future__ import annotations
@@ -23,38 +24,40 @@ from flexaxis.sim.timing import TICK
 Array = NDArray[np.float64]
 
 Signal = Literal["angle", "speed"]
-"""Name of a measured signal of the motor: angle [rad] or speed [rad/s]."""
+"""Name of a measured motor signal: angle [rad] or speed [rad/s]."""
 
 Stage = Callable[[Array], Array]
-"""Function that takes the next n samples (n, R) of a signal and returns the processed samples."""
+"""Type of a function that processes the next n samples (n, R) of a signal."""
 
 White = Callable[[str], Array]
-"""Function that takes the purpose of the noise, for example "noise.speed", and returns white noise
-(N, R) with standard deviation 1."""
+"""Type of a function that returns white noise (N, R) with standard deviation 1.
+
+The argument of the function is the purpose of the noise, for example "noise.speed".
+"""
 
 
 @runtime_checkable
 class Sensor(Protocol):
-    """A scenario table with a `stage` that processes measured signals."""
+    """Protocol of a sensor table, whose `stage` processes measured signals."""
 
     def stage(self, signal: Signal, white: White, period: float) -> Stage:
-        """Return the stage that processes a signal with the sampling period `period` [s].
+        """Return a function that processes a signal with the sampling period `period` [s].
 
-        The stage assumes that the signal is 0 before the run.
+        The signal is assumed to be 0 before the start of the run.
         """
 
 
 def reading(sensors: Iterable[Sensor], signal: Signal, white: White, *, period: float) -> Stage:
-    """Return the composition of the stages of all sensors for one signal.
+    """Return a function that passes a signal through all sensors in sequence.
 
     Parameters
     ----------
     sensors : iterable of Sensor
-        Sensor tables in the order in which the signal passes through them.
+        Sensor tables in the order in which the sensors process the signal.
     signal : {"angle", "speed"}
         Signal to measure.
     white : callable
-        Function that takes the purpose of the noise and returns the noise of the whole run.
+        Function that takes the purpose of the noise and returns white noise for the whole run.
     period : float
         Sampling period T [s].
 
@@ -62,8 +65,8 @@ def reading(sensors: Iterable[Sensor], signal: Signal, white: White, *, period: 
     -------
     callable
         Function that takes the next samples (n, R) of the true signal and returns the measured
-        samples. The result is bitwise the same if the function processes a run at once or sample by
-        sample.
+        samples. The measured samples are bitwise the same if the function processes a whole run at
+        once or sample by sample.
     """
     stages = [sensor.stage(signal, white, period) for sensor in sensors]
     return lambda values: reduce(lambda passed, stage: stage(passed), stages, values)
@@ -74,19 +77,19 @@ def _unchanged(values: Array) -> Array:
 
 
 class NoiseConfig(Config):
-    """The table ``[noise]`` of a scenario: levels of the white noise.
+    """The table ``[noise]`` of a scenario: standard deviations of white noise.
 
     Attributes
     ----------
     speed : float
-        Standard deviation of the noise of the measured motor speed [rad/s].
+        Standard deviation of the motor speed noise [rad/s].
     angle : float
-        Standard deviation of the noise that is added to the motor angle before the encoder rounds
-        the angle [rad].
+        Standard deviation of the motor angle noise [rad]. The noise is added before the encoder
+        rounds the angle.
     torque : float, optional
-        Standard deviation of a disturbance torque with an independent value in each sample, which
-        is added to the command [N m]. The log contains only the command. Therefore the disturbance
-        is an input error and not output noise.
+        Standard deviation of a white disturbance torque [N m]. The motor torque is the sum of
+        command and disturbance, but the log contains only the command. Therefore the disturbance is
+        an input error and not output noise.
     """
 
     speed: NotNegative = 0.1
@@ -95,7 +98,7 @@ class NoiseConfig(Config):
 
     @property
     def exact(self) -> bool:
-        """Whether the logged torque equals the torque that acts on the motor."""
+        """Whether the logged torque is equal to the torque that acts on the motor."""
         return self.torque is None
 
     def on_torque(self, white: White) -> Array | None:
@@ -103,12 +106,12 @@ class NoiseConfig(Config):
         return self.torque * white("noise.torque") if self.torque else None
 
     def stage(self, signal: Signal, white: White, period: float) -> Stage:
-        """Return the stage that adds noise to a signal."""
+        """Return a function that adds noise to a measured signal."""
         deviation = self.speed if signal == "speed" else self.angle
         return _added(deviation * white(f"noise.{signal}")) if deviation else _unchanged
 
     def in_words(self) -> str:
-        """Return a description of the noise levels, for messages and tables."""
+        """Return a short description of the noise levels."""
         deviations = [(self.speed, "rad/s on the speed"), (self.angle, "rad on the angle"),
                  (self.torque, "N m on the acting torque")]  # fmt: skip
         return "; ".join(f"noise of {value:g} {words}" for value, words in deviations if value)
@@ -120,7 +123,8 @@ class EncoderConfig(Config):
     Attributes
     ----------
     counts : int
-        Number of counts per revolution of the motor (65536 for 16 bits); 0 means an ideal encoder.
+        Number of encoder counts per motor revolution. An encoder with 16 bits has 65536 counts. The
+        value 0 means an encoder without quantization.
     """
 
     exact: ClassVar[bool] = True  # the bounds include the rounding of the encoder
@@ -137,14 +141,14 @@ class EncoderConfig(Config):
         return counts
 
     def stage(self, signal: Signal, white: White, period: float) -> Stage:
-        """Return the stage that rounds the angle to the nearest count."""
+        """Return a function that rounds the motor angle to the nearest encoder count."""
         if signal != "angle" or not self.counts:
             return _unchanged
         step = 2 * math.pi / self.counts
         return lambda values: np.rint(values / step) * step
 
     def in_words(self) -> str:
-        """Return a description of the resolution, for messages and tables."""
+        """Return a short description of the encoder resolution."""
         return f"encoder of {self.counts} counts" if self.counts else ""
 
 
@@ -156,8 +160,8 @@ class DelayConfig(Config):
     measurement : int
         Delay of the measured angle and speed [samples].
     torque : float, optional
-        Time from a torque command to its effect [s], a multiple of 1 ms. The log contains the
-        torque at the time of the command.
+        Delay from a torque command to the motor torque [s], which must be a multiple of 1 ms. The
+        log contains the torque at the time of the command.
     """
 
     measurement: int = Field(default=0, ge=0, le=1000)
@@ -167,7 +171,7 @@ class DelayConfig(Config):
     @classmethod
     def _whole_ticks(cls, torque: float | None) -> float | None:
         if torque and abs(torque / TICK - round(torque / TICK)) > 1e-6:
-            raise ValueError(f"must be a multiple of {TICK:g} s, not {torque:g}")
+            raise ValueError(f"the delay must be a multiple of {TICK:g} s, not {torque:g}")
         return torque
 
     @property
@@ -176,18 +180,18 @@ class DelayConfig(Config):
         return not (self.measurement or self.torque)
 
     def stage(self, signal: Signal, white: White, period: float) -> Stage:
-        """Return the stage that delays a measured signal."""
+        """Return a function that delays a measured signal."""
         return _late(self.measurement) if self.measurement else _unchanged
 
     def in_words(self) -> str:
-        """Return a description of the delays, for messages and tables."""
+        """Return a short description of the signal delays."""
         words = [f"measurement delayed by {self.measurement} samples"] if self.measurement else []
         words += [f"torque delayed by {1000 * self.torque:g} ms"] if self.torque else []
         return "; ".join(words)
 
     @property
     def torque_ticks(self) -> int:
-        """Delay of the torque in ticks of 1 ms."""
+        """Torque delay in milliseconds."""
         return round((self.torque or 0.0) / TICK)
 
 
@@ -197,24 +201,24 @@ class FilterConfig(Config):
     Attributes
     ----------
     speed : float
-        Time constant of the first-order low-pass filter of the measured speed [s]. The filter acts
-        on the sum of speed and noise.
+        Time constant of the first-order low-pass filter for the measured speed [s]. The input of
+        the filter is the sum of motor speed and noise.
     """
 
     exact: ClassVar[bool] = False
     speed: Positive
 
     def stage(self, signal: Signal, white: White, period: float) -> Stage:
-        """Return the stage that filters the speed."""
+        """Return a function that filters the measured speed."""
         return _low_pass(self.speed, period) if signal == "speed" else _unchanged
 
     def in_words(self) -> str:
-        """Return a description of the filter, for messages and tables."""
-        return f"speed filtered by a low-pass of {1000 * self.speed:g} ms"
+        """Return a short description of the speed filter."""
+        return f"speed filter with a time constant of {1000 * self.speed:g} ms"
 
 
 def _late(samples: int) -> Stage:
-    """Return a stage that delays a signal by a number of samples, starting with zeros."""
+    """Return a function that delays a signal by a number of samples; the first samples are 0."""
     waiting: Array | None = None
 
     def stage(values: Array) -> Array:
@@ -228,7 +232,7 @@ def _late(samples: int) -> Stage:
 
 
 def _added(noise: Array) -> Stage:
-    """Return a stage that adds noise (N, R) to a signal, sample by sample."""
+    """Return a function that adds the noise (N, R) to a signal, sample by sample."""
     done = 0
 
     def stage(values: Array) -> Array:
@@ -240,7 +244,7 @@ def _added(noise: Array) -> Stage:
 
 
 def _low_pass(time_constant: float, period: float) -> Stage:
-    """Return the low-pass stage f[k] = a f[k−1] + (1−a) s[k], with a = exp(−T/τ) and f[−1] = 0."""
+    """Return the low-pass filter f[k] = a f[k−1] + (1−a) s[k], with a = exp(−T/τ) and f[−1] = 0."""
     pole = math.exp(-period / time_constant)
     last: Array | float = 0.0
 
@@ -255,5 +259,5 @@ def _low_pass(time_constant: float, period: float) -> Stage:
 
 
 def angle_increment(angle: Array, *, period: float) -> Array:
-    """Return (φ[k] − φ[k−1])/T [rad/s] for a sampled angle φ (N, ...) [rad]; 0 at k = 0."""
+    """Return (φ[k] − φ[k−1])/T [rad/s] of sampled angles φ (N, ...) [rad]; the first value is 0."""
     return np.diff(angle, axis=0, prepend=angle[:1]) / period

@@ -87,7 +87,7 @@ def test_the_axis_of_the_paper_has_the_numbers_of_its_file():
 
 
 def test_parameters_are_those_of_one_model():
-    with pytest.raises(ParameterError, match="no model has exactly the parameters k_T, J_m; three"):
+    with pytest.raises(ParameterError, match="no model has exactly the parameters k_T, J_m; the"):
         AxisParameters(k_T=1.0, J_m=1.0)
     with pytest.raises(ParameterError, match=r"'k_g'; known parameters are k_T, J_m, J_l"):
         preset("n1", "two_mass").replace(k_g=1.0)

@@ -60,7 +60,7 @@ def test_a_record_has_them_after_the_twelve_and_keeps_them(tmp_path):
     with h5py.File(path, "r+") as file:
         file["parameter"][0] = "sigma_7"
     with pytest.raises(
-        RecordError, match=r"may also contain f_c, f_s, .*; it contains \['sigma_7'"
+        RecordError, match=r"can also contain f_c, f_s, .*; the variable contains \['sigma_7'"
     ):
         load_record(path)
 

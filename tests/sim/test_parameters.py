@@ -22,7 +22,7 @@ def test_order_is_the_contract_and_survives_the_array():
 @pytest.mark.parametrize("name", ORDER)
 @pytest.mark.parametrize("value", [-1.0, float("nan"), float("inf")])
 def test_impossible_values_name_field_and_value(name, value):
-    with pytest.raises(ParameterError, match=f"^{name} must be .*not {value!r}"):
+    with pytest.raises(ParameterError, match=f"^{name}: .*must be .*not {value!r}"):
         preset("n1").replace(**{name: value})
 
 

@@ -85,7 +85,7 @@ def test_an_own_log_needs_time_torque_and_one_output_only(output, own, tmp_path)
 def test_a_truncated_file_is_told(record, share, tmp_path):
     path = record.save(tmp_path / "run.nc")
     path.write_bytes(path.read_bytes()[: int(share * path.stat().st_size)])
-    with pytest.raises(RecordError, match=r"run.nc: not a NetCDF-4 file, or broken"):
+    with pytest.raises(RecordError, match=r"run.nc: the file is damaged or not NetCDF-4"):
         load_record(path)
 
 
@@ -114,8 +114,8 @@ def test_time_must_advance_evenly(own):
         time[k:] += by
         return {**own, "time": time}
 
-    with pytest.raises(RecordError, match="does not advance at sample 50"):
+    with pytest.raises(RecordError, match="does not increase at sample 50"):
         Record(**moved(50, -0.02))
-    with pytest.raises(RecordError, match=r"spaced: 0\.05 s from sample 49 to 50, but usually 0"):
+    with pytest.raises(RecordError, match=r"s 49 and 50 are 0\.05 s apart, but most samples are 0"):
         Record(**moved(50, 0.04))
     Record(**moved(50, 1e-5))  # jitter of a thousandth of a period is no gap

@@ -50,16 +50,16 @@ CASES = [
     (FAULT.replace("factor", "facter"), "fault[0].factor: is missing",
      "fault[0].facter: unknown key 'facter'; known keys are kind, parameter, at, factor."
      " Did you mean 'factor'?"),
-    (FAULT.replace("kind", "#"), "fault[0]: kind is missing; known kinds are step, ramp, ", ""),
+    (FAULT.replace("kind", "#"), "fault[0]: the key kind is missing; known kinds are step, ", ""),
     # wrong types
     ("start = '1.2'", "start: must be a valid number, not '1.2'", ""),
     ("identify = 'k_T'", "identify: must be an array, not 'k_T'", ""),
-    ("identify = []", "identify: must have at least one entry, not []", ""),
+    ("identify = []", "identify: the array must have at least one entry, not []", ""),
     ("fault = 3", "fault: must be an array, not 3", ""),
     # impossible values
     ("parameters.J_m = -1.2e-3", "parameters.J_m: must be positive [kg m^2], not -0.0012", ""),
-    ("parameters.r = 118", "parameters.r: must be arm angle over motor angle, in (0, 1] "
-     "(1/118, not 118), not 118", ""),
+    ("parameters.r = 118", "parameters.r: the gear ratio (gear angle over motor angle) "
+     "must be in (0, 1], not 118", ""),
     ("parameters.k_g = inf", "parameters.k_g: must be a finite number, not inf", ""),
     ("start = 0", "start: must be greater than or equal to 0.01, not 0", ""),
     ("output = 'arm'", "output: must be 'speed', 'increment' or 'angle', not 'arm'", ""),
@@ -69,71 +69,74 @@ CASES = [
     ("identify = ['k_T', '1/k_T']", "identify[1]: '1/k_T' repeats 'k_T': name each parameter once",
      ""),
     (FAULT.replace("10.0", "20.0"),
-     "fault[0].at: the onset at 20 s is not before the end of the run at 20 s", ""),
+     "fault[0].at: the onset at 20 s must be before the end of the run at 20 s", ""),
     (FAULT.replace("step", "profile").replace("10.0", "19.995") + "points = [[1.0, 1.0]]",
-     "fault[0].at: the onset at 19.995 s is not before the end of the run at 20 s", ""),
+     "fault[0].at: the onset at 19.995 s must be before the end of the run at 20 s", ""),
     (FAULT.replace("10.0", "0"), "fault[0].at: must be greater than 0, not 0", ""),
     (FAULT.replace("10.0", "0.004"),
-     "fault[0].at: must be at least one sample, 0.005 s, not 0.004", ""),
+     "fault[0].at: a time must be one sample (0.005 s) or more, not 0.004", ""),
     (FAULT.replace("f_m", "J_a").replace("1.5", "0"),
-     "fault[0].factor: must be above 0, because J_a must stay positive", ""),
+     "fault[0].factor: a factor of 0 is not allowed, because J_a must remain positive", ""),
     (FAULT.replace("1.5", "150"), "fault[0].factor: must be less than or equal to 100, not 150",
      ""),
     (FAULT.replace("1.5", "-0.5"), "fault[0].factor: must be greater than or equal to 0", ""),
     (FAULT.replace("step", "intermittent") + "on = 1\noff = 0.001",
-     "fault[0].off: must be at least one sample, 0.005 s, not 0.001", ""),
+     "fault[0].off: a time must be one sample (0.005 s) or more, not 0.001", ""),
     (FAULT.replace("step", "intermittent") + "on = 1\noff = 1\nuntil = 9",
-     "fault[0].until: the end at 9 s is not after the onset at 10 s", ""),
+     "fault[0].until: the end at 9 s must be after the onset at 10 s", ""),
     (FAULT.replace("step", "profile") + "points = [[1, 0.5], [1, 1]]",
-     "fault[0].points: times must increase from point to point: 1 s follows 1 s; use a fault", ""),
+     "fault[0].points: times must increase from point to point; 1 s follows 1 s; for", ""),
     (FAULT.replace("step", "profile") + "points = [[0.001, 0.5], [1, 1]]",
-     "fault[0].points[0]: must be at least one sample, 0.005 s, after the previous point", ""),
+     "fault[0].points[0]: a point must be at least one sample (0.005 s) after the previous", ""),
     ("excitation = { kind = 'multisine', low = 40 }",
-     "excitation: no line of the period 10 s (a multiple of 0.1 Hz) lies between", ""),
+     "excitation: no multiple of 1/period = 0.1 Hz lies between low = 40 Hz and", ""),
     ("excitation = { kind = 'multisine', high = 100 }",
-     "excitation.high: must be below half the sampling rate, 100 Hz", ""),
+     "excitation.high: must be below half the sampling rate (100 Hz)", ""),
     ("excitation = { kind = 'multisine', period = 3.333 }",
-     "excitation.period: must be a whole number of samples of 5 ms", ""),
+     "excitation.period: must be a multiple of the sampling period, 5 ms", ""),
     ("excitation = { kind = 'multisine', pause = [[5, 4]] }",
-     "excitation.pause: pauses must be [from, to] with from < to", ""),
+     "excitation.pause: each pause must end after its start", ""),
     ("excitation = { kind = 'multisine', pause = [[25, 30]] }",
      "excitation.pause[0]: the pause from 25 s begins after the end of the run", ""),
-    ("period = 0.02", "period: must be from 0.001 to 0.01 s, not 0.02", ""),
-    ("period = 0.003", "period: one second must be a whole number of periods: use "
-     "0.003003 (333 Hz), not 0.003", ""),
-    ("period = 0.0025\ndelay.torque = 0.001", "delay.torque: needs a sampling period of whole "
-     "milliseconds, not 2.5 ms", ""),
-    ("period = 0.01\ncontroller.Kv = 0.5", "controller.Kv: the loop is unstable on the nominal "
-     "axis with Kv = 0.5 and samples of 10 ms", "lower controller.Kv, or check controller.Kp, "
-     "controller.Ki and the delays"),
-    ("delay.torque = 0.0015", "delay.torque: must be a multiple of 0.001 s, not 0.0015", ""),
-    ("controller.log = 'mean'", "controller.log: needs an inner loop: set controller.rate", ""),
+    ("period = 0.02", "period: the period must be from 0.001 to 0.01 s, not 0.02", ""),
+    ("period = 0.003", "period: one second must be a multiple of the period: use "
+     "0.003003 s (333 Hz), not 0.003", ""),
+    ("period = 0.0025\ndelay.torque = 0.001", "delay.torque: the sampling period must be a "
+     "multiple of 1 ms, not 2.5 ms", ""),
+    ("period = 0.01\ncontroller.Kv = 0.5", "controller.Kv: the control loop with the "
+     "nominal axis is unstable for Kv = 0.5 and a sampling period of 10",
+     "lower controller.Kv, or check controller.Kp, controller.Ki and the delays"),
+    ("delay.torque = 0.0015", "delay.torque: the delay must be a multiple of 0.001 s, not", ""),
+    ("controller.log = 'mean'", "controller.log: the key needs an inner control loop: set ", ""),
     ("feedback = 'measured'\ncontroller.rate = 1000", "controller.rate: an inner loop reads the "
      "true angle", ""),
-    ("known.J_a = 1.1", "known.J_a: J_a is estimated: set its initial value with `start`", ""),
+    ("known.J_a = 1.1", "known.J_a: the parameter J_a is estimated: set its initial value with "
+     "`start`", ""),
     ("known.Jg = 1.1", "known.Jg: unknown parameter 'Jg'; ", " Did you mean 'J_g'?"),
     (FAULT.replace("fault", "nuisance").replace("10.0", "20.0"),
-     "nuisance[0].at: the onset at 20 s is not before the end of the run at 20 s", ""),
-    (FAULT.replace("f_m", "coulomb"), "fault[0].parameter: the plant has no f_c: add the table "
-     "friction or lugre or static_friction", ""),
-    (FAULT.replace("f_m", "f_s"), "fault[0].parameter: the plant has no f_s: add the ", ""),
+     "nuisance[0].at: the onset at 20 s must be before the end of the run at 20 s", ""),
+    (FAULT.replace("f_m", "coulomb"),
+     "fault[0].parameter: the plant has no parameter f_c: add the table friction or lugre", ""),
+    (FAULT.replace("f_m", "f_s"),
+     "fault[0].parameter: the plant has no parameter f_s: add the ", ""),
     ("stiffening.gear = 1e4\n" + FAULT.replace("f_m", "kappa"),
      "fault[0].parameter: kappa of the table stiffening cannot change during a run", ""),
-    ("identify = ['k_T', 'f_c']", "identify[1]: the plant has no f_c: add the table", ""),
+    ("identify = ['k_T', 'f_c']", "identify[1]: the plant has no parameter f_c: add the table", ""),
     ("friction.coulomb = 0.1\nidentify = ['f_c', 'f_c']",
      "identify[1]: 'f_c' repeats 'f_c': name each parameter once", ""),
     ("friction.coulomb = 0.1\nidentify = ['1/f_c']", "identify[0]: unknown parameter '1/f_c';", ""),
     ("friction.coulomb = 0.1\nload_friction = { f_c = 0.05, load = 0.1 }\nidentify = ['f_c']",
-     "identify[0]: f_c is ambiguous, because friction and load_friction define it: remove one", ""),
+     "identify[0]: f_c is ambiguous, because friction and load_friction define it: remove a t", ""),
     # a value of 0 that makes a percentage or an inverse infinite
     ("identify = ['f_m', '1/d_g']\nparameters.d_g = 0.0",
      "identify[1]: '1/d_g' cannot be estimated while parameters.d_g is 0, because errors are in %",
      ""),
-    *((f"identify = ['1/f_m']\n{fault}", "fault[0].factor: must be above 0, because 1/f_m is "
-       "estimated and would become infinite", "") for fault in TO_ZERO),
+    *((f"identify = ['1/f_m']\n{fault}",
+       "fault[0].factor: a factor of 0 is not allowed, because 1/f_m is estimated and would "
+       "become infinite", "") for fault in TO_ZERO),
     (f"identify = ['1/f_m']\n{TO_ZERO[0]}".replace("[[fault", "[[nuisance"),
-     "nuisance[0].factor: must be above 0, because 1/f_m is estimated", ""),
-    ("streams = 'planet'", 'streams: must be "plant", "content", or the `key` of another scenario',
+     "nuisance[0].factor: a factor of 0 is not allowed, because 1/f_m is estimated", ""),
+    ("streams = 'planet'", 'streams: the value must be "plant", "content", or the `key` of a',
      " (64 hex digits), not 'planet'"),
     ("difficulty = 'easi'", "difficulty: must be 'easy', 'medium' or 'hard', not 'easi'", ""),
 ]  # fmt: skip
@@ -154,8 +157,8 @@ def test_each_mistake_has_its_line(text, begin, end):
     ("text", "line"),
     [
         ("", "my.toml: name: is missing"),
-        ('name = "two words"\nduration = 20', "my.toml: name: must be one word, without blanks"),
-        ('name = "a/b"\nduration = 20', "my.toml: name: must be one word"),
+        ('name = "two words"\nduration = 20', "my.toml: name: a name must not contain blanks"),
+        ('name = "a/b"\nduration = 20', "my.toml: name: a name must not"),
         ('name = "x"\nduration = -1', "my.toml: duration: must be greater than 0, not -1"),
         ('name = "x"\nduration = 200_000', "my.toml: duration: must be less than or equal to 864"),
         ('name = "x\nduration = 20', "my.toml: not valid TOML: Illegal character"),
@@ -200,6 +203,7 @@ def test_what_may_be_zero_may_become_zero(fault, name):
 @pytest.mark.parametrize("name", ["k_T", "J_m", "J_g", "J_a", "k_g", "k_a"])
 def test_what_must_stay_positive_may_not(fault, name):
     with pytest.raises(
-        ScenarioError, match=rf"fault\[0\].factor: must be above 0, because {name} must"
+        ScenarioError,
+        match=rf"fault\[0\].factor: a factor of 0 is not allowed, because {name} must",
     ):
         parse_scenario('name = "x"\nduration = 20\n' + fault.replace("f_m", name))
