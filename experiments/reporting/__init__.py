@@ -1,7 +1,7 @@
-"""Reports: figures, tables, sentences and HTML pages.
+"""Create reports with figures, tables and sentences as HTML pages.
 
-`figures` draws figures with matplotlib, in the styles that `styles` defines. `tables` formats
-numbers, `words` writes sentences, and `terminal` makes tables for pages and the terminal. `page`
-combines figures, tables and sentences into an HTML page that needs no network. `run` and `study`
-write the reports of a run and of a study.
+The module `figures` draws figures with matplotlib, in the styles that the module `styles` defines.
+The module `tables` formats numbers, and `terminal` creates the main tables. The module `words`
+writes sentences. The module `page` combines figures, tables and sentences into an HTML page that
+needs no network. The modules `run` and `study` write the reports of benchmarks and studies.
 """

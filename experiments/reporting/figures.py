@@ -1,8 +1,8 @@
 """Draw the figures of flexaxis. Each function draws one figure and returns a matplotlib Figure.
 
-Pages, the methods `.plot()`, notebooks, the docs and the paper use these functions. A page uses the
-tags that `styles.tag` sets to hide estimators and to show values on hover. Figures are 430 px wide,
-so that the text is readable on a phone and several figures fit side by side on a screen.
+Report pages, the methods `.plot()`, notebooks and the documentation use the functions of this
+module. The function `styles.tag` adds tags to the curves, so that a page can hide estimators and
+show values on hover. Figures are 430 px wide, so several figures fit side by side on a screen.
 """
 
 from collections.abc import Mapping, Sequence
@@ -35,22 +35,22 @@ ROLES: dict[str, dict[str, Any]] = {
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Series:
-    """A curve or a set of points.
+    """The data of one curve or one set of points in a figure.
 
     Attributes
     ----------
     x, y : (M,) array
-        Abscissae and ordinates of the M points.
+        Horizontal and vertical coordinates of the M points.
     low, high : (M,) array, optional
-        Lower and upper ends of a band around a curve, or of the intervals of points.
+        Lower and upper limits of a band around a curve, or of the error bars of points.
     estimator : str
-        Name of the estimator, which determines the style.
+        Name of the estimator, which determines the drawing style.
     label : str
-        Text for the legend (default: the estimator's name).
+        Label in the legend (default: the name of the estimator).
     role : {"", "truth", "bound", "data"}
-        Role of a curve that does not belong to an estimator.
+        Type of a curve that does not belong to an estimator.
     kind : {"line", "steps", "points", "both"}
-        Form of the drawing: a line, a staircase, points, or points joined by a line.
+        Drawing type, which is a line, a staircase line, points, or points joined by a line.
     """
 
     x: Any
@@ -64,7 +64,7 @@ class Series:
 
 
 def new(height: float, count: int = 1) -> list[Any]:
-    """Return `count` axes below each other, in a new figure of the height `height` [px]."""
+    """Create a figure with `count` axes below each other and a height of `height` pixels."""
     figure = Figure(figsize=(430 / 96, height / 96))
     return list(figure.subplots(count, sharex=True, squeeze=False)[:, 0])
 
@@ -81,27 +81,27 @@ def curves(
     axes: Any = None,
     looks: Looks = USUAL,
 ) -> Figure:
-    """Draw curves in panels below each other, with a common abscissa.
+    """Draw curves in panels below each other, with a shared horizontal axis.
 
     Parameters
     ----------
     panels : mapping of str to sequence of Series
-        Curves of each panel, keyed by the label (with unit) of the panel's ordinate.
+        Curves of each panel, keyed by the label of the vertical axis.
     x : str
-        Label of the abscissa, with its unit.
+        Label of the horizontal axis.
     logs : sequence of str
-        Labels of the axes with a logarithmic scale.
+        Labels of the axes that have a logarithmic scale.
     limits : mapping of str to (float, float)
-        Limits of axes, keyed by the labels of the axes.
+        Axis limits, keyed by axis label.
     marks : sequence of (float, str)
-        Vertical lines, each with the abscissa and the description of an event.
+        Vertical lines that mark events, each with a horizontal position and a description.
     spans : sequence of (float, float, str)
-        Shaded intervals, each with begin, end, and a text such as "burn-in".
+        Shaded intervals, each with a start, an end, and a description such as "burn-in".
     axes : sequence of Axes, optional
         Matplotlib axes, one for each panel (default: axes of a new figure).
     looks : mapping of str to Style
-        Styles of the estimators of a page, keyed by estimator. A page has its own legend. Without
-        `looks`, each panel has a legend.
+        Styles of the estimators on a page, keyed by estimator name. Without `looks`, the function
+        adds a legend to each panel.
     """
     axes = new(60 + 200 * len(panels), len(panels)) if axes is None else axes
     for ax, (label, series) in zip(axes, panels.items(), strict=True):
@@ -125,7 +125,7 @@ def curves(
 
 
 def _usual(ax: Axes) -> tuple[float, float] | None:
-    """Return limits that include most of the values, so that outliers do not set the scale."""
+    """Return axis limits that ignore outliers and include most of the values."""
     values = np.concatenate([line.get_ydata() for line in ax.get_lines()] or [[]])
     if len(values) < 100:
         return None
@@ -135,7 +135,7 @@ def _usual(ax: Axes) -> tuple[float, float] | None:
 
 
 def _draw(ax: Axes, one: Series, looks: Looks) -> None:
-    """Draw a series. A line without points gets about five evenly spaced markers."""
+    """Draw one data series, with about five markers on a continuous line."""
     who, usual = one.estimator, look(one.estimator or "another", looks)
     own = usual | ROLES.get(one.role, {}) | ({"color": usual["color"]} if who else {})
     label, pointed = one.label or who or one.role, one.kind in ("points", "both")
@@ -152,7 +152,7 @@ def _draw(ax: Axes, one: Series, looks: Looks) -> None:
 
 
 def logarithmic(axis: Any) -> None:
-    """Make an axis logarithmic, with labels at 1, 2 and 5, or only at decades for a wide range."""
+    """Make an axis logarithmic, with labels at 1, 2 and 5 or, for a wide range, at decades."""
     axis.axes.set(**{f"{axis.axis_name}scale": "log"})
     low, high = axis.get_view_interval()
     axis.set_major_locator(LogLocator(subs=(1, 2, 5) if high < 2e3 * low else (1,)))
@@ -161,14 +161,14 @@ def logarithmic(axis: Any) -> None:
 
 
 def _interval(ax: Axes, place: float, parts: Any, who: str, tip: str, **own: Any) -> None:
-    """Draw a value as a dot and its interval as a horizontal line. `place` is the ordinate."""
+    """Draw a value as a dot, and its interval as a horizontal line, at the height `place`."""
     value, *ends = parts
     tag(ax.hlines(place, *ends, color=own["color"]), who, tip)
     tag(ax.plot(value, place, ls="", mec=styles.BACK, ms=6, **own)[0], who, tip)
 
 
 def _rows(ax: Any, names: Sequence[str], label: str, **options: Any) -> Figure:
-    """Label the rows of a figure, make its abscissa logarithmic, and return the figure."""
+    """Label the rows of a figure, make the horizontal axis logarithmic, and return the figure."""
     ax.axvline(1, color=TEXT)
     logarithmic(ax.xaxis)
     ax.set(xlabel=label, ylim=(max(len(names), 1) - 0.5, -0.5))
@@ -180,14 +180,15 @@ def _rows(ax: Any, names: Sequence[str], label: str, **options: Any) -> Figure:
 def over_bound(
     matched: pd.DataFrame, order: Sequence[str], faults: Mapping[str, str], *, looks: Looks = USUAL
 ) -> Figure:
-    """Draw the lag divided by the bound, with one row per estimator and one dot per fault.
+    """Draw the ratio of lag to bound, with one row per estimator and one dot per fault.
 
-    Horizontal lines show 95 % intervals. The vertical line at 1 is the bound.
+    Horizontal lines are 95 % confidence intervals. The vertical line at 1 is the Cramér–Rao bound.
 
     Parameters
     ----------
     matched : DataFrame
-        Scores at equal noise; columns ``fault, estimator, lag, lag_interval, bound, over_bound``.
+        Scores at equal noise in the columns ``fault, estimator, lag, lag_interval, bound,
+        over_bound``.
     order : sequence of str
         Names of the estimators from top to bottom.
     faults : mapping of str to str
@@ -210,7 +211,7 @@ def over_bound(
 
 
 def around(scenario: Scenario) -> dict[str, Any]:
-    """Return the options of `curves` that mark the events, burn-in and pauses of a scenario."""
+    """Return options for `curves` to mark the events, the burn-in and the pauses of a scenario."""
     edges = np.flatnonzero(np.diff(np.r_[1, scenario.excited(), 1])) * scenario.period
     still = [(*pair, "no excitation") for pair in edges.reshape(-1, 2)]
     return {
@@ -223,21 +224,20 @@ def medians(
     traces: Mapping[str, Mapping[int, Any]], scenario: Scenario, name: str,
     window: tuple[float, float], *, banded: Sequence[str],
 ) -> list[Series]:  # fmt: skip
-    """Return curves of each estimator's median estimate, and a curve of the true value.
+    """Return the curves of the true value and of the median estimate of each estimator.
 
     Parameters
     ----------
     traces : mapping of str to mapping
-        Estimates over time, keyed by estimator and then by seed.
+        Estimates over time, keyed first by estimator and then by seed.
     scenario : Scenario
         Scenario of the runs.
     name : str
         Name of the estimated parameter.
     window : (float, float)
-        Begin and end of the time window to draw [s].
+        Start and end of the displayed time window [s].
     banded : sequence of str
-        Names of the estimators whose curves have a band from the 10 % to the 90 % quantile of the
-        runs.
+        Names of the estimators whose curves have a band from the 10 % to the 90 % quantile.
     """
     series = []
     for who, own in traces.items():
@@ -251,15 +251,15 @@ def medians(
 
 
 def speed_noise(swept: pd.DataFrame, faults: Mapping[str, str], *, looks: Looks = USUAL) -> Figure:
-    """Draw the lag against the noise before the fault, with a line per estimator and the bound.
+    """Draw the lag over the noise, with one line per estimator and a line for the bound.
 
     Parameters
     ----------
     swept : DataFrame
-        Scores with one row per setting; columns ``fault, estimator, factor, lag, lag_interval, std,
-        lag_bound``.
+        Scores with one row per setting, in the columns ``fault, estimator, factor, lag,
+        lag_interval, std, lag_bound``.
     faults : mapping of str to str
-        Descriptions of the faults, keyed by fault. Each fault has its own panel.
+        Descriptions of the faults, keyed by fault name. The figure has one panel for each fault.
     looks : mapping of str to Style
         Styles of the estimators, keyed by estimator.
     """
@@ -269,23 +269,23 @@ def speed_noise(swept: pd.DataFrame, faults: Mapping[str, str], *, looks: Looks 
         usual = own[(own["estimator"] == REFERENCE) & (own["factor"] == 1)]
         own = own.assign(x=own["std"] / usual["std"].median())
         panels[f"{text}\nlag [s]"] = lines(own, "x", "lag")
-    x = f"noise before the fault / noise of {REFERENCE}"
-    marks = [(1.0, "the noise of the table")]
+    x = f"noise before the fault, relative to {REFERENCE}"
+    marks = [(1.0, "noise level in the table")]
     return curves(panels, x=x, logs=[x, *panels], marks=marks, looks=looks)
 
 
 def lines(rows: pd.DataFrame, x: str, y: str, kind: Any = "both") -> list[Series]:
-    """Return one curve with intervals per estimator and, if `y` is the lag, the curve of the bound.
+    """Return one curve with error bars per estimator and, for the lag, a curve of the bound.
 
     Parameters
     ----------
     rows : DataFrame
-        Scores with the columns `x`, `y` and ``estimator``, and optionally the interval of `y` and
-        ``lag_bound``.
+        Scores with the columns `x`, `y` and ``estimator``. The column ``lag_bound`` and the
+        interval of `y` are optional.
     x, y : str
-        Names of the columns of the abscissa and the ordinate.
+        Names of the columns for the horizontal and the vertical axis.
     kind : str
-        Kind of the curves, as in `Series`.
+        Drawing type of the curves, as defined by `Series`.
     """
     rows, series = rows.dropna(subset=y).sort_values(x), []
     for who, own in rows.groupby("estimator", sort=False):
@@ -299,12 +299,12 @@ def lines(rows: pd.DataFrame, x: str, y: str, kind: Any = "both") -> list[Series
 
 
 def lag_against_noise(rows: pd.DataFrame, **options: Any) -> Figure:
-    """Draw the lag against the noise with one point per row.
+    """Draw the lag over the noise, with one point per table row.
 
     Parameters
     ----------
     rows : DataFrame
-        Scores of single runs or pooled scores; columns ``estimator, lag, std``.
+        Single or pooled scores in the columns ``estimator, lag, std``.
     **options
         Options of `curves`.
     """
@@ -314,19 +314,19 @@ def lag_against_noise(rows: pd.DataFrame, **options: Any) -> Figure:
 
 
 def shares(runs: pd.DataFrame, **options: Any) -> Figure:
-    """Draw the cumulative distribution of lag / bound for the runs of each estimator.
+    """Draw the cumulative distribution of the ratio of lag to bound for each estimator.
 
-    Runs that diverged or do not estimate the changed parameter count as runs with an infinite lag.
+    The lag counts as infinite for a run that diverged or does not estimate the changed parameter.
 
     Parameters
     ----------
     runs : DataFrame
-        Scores with one row per run; columns ``scenario, parameter, seed, estimator, lag, lag_bound,
-        over_bound, diverged``. Runs without a bound are left out.
+        Scores with one row per run, in the columns ``scenario, parameter, seed, estimator, lag,
+        lag_bound, over_bound, diverged``. The function ignores runs without a bound.
     **options
         Options of `curves`.
     """
-    x, y, series = "lag / Cramér–Rao bound", "share of runs", []
+    x, y, series = "lag / Cramér–Rao bound", "fraction of runs", []
     runs = runs[runs["lag_bound"] > 0].sort_values("over_bound")
     count = len(runs.drop_duplicates(["scenario", "parameter", "seed"]))
     reached = runs[~runs["diverged"].astype(bool) & runs["lag"].notna()]
@@ -341,18 +341,19 @@ def shares(runs: pd.DataFrame, **options: Any) -> Figure:
 def score_map(
     cells: pd.DataFrame, *, title: str, x: str, y: str, limits: tuple[float, float]
 ) -> Figure:
-    """Draw a map of a score of an estimator as a function of two swept keys of a study.
+    """Draw a map of a score over two swept settings of a study.
 
-    Each cell of the map contains the value of the score.
+    Each cell of the map contains the score at one combination of the two settings.
 
     Parameters
     ----------
     cells : DataFrame
-        Values of the score. The index is the ordinate and the columns are the abscissa.
+        Values of the score. The index contains the values of the vertical axis, and the columns
+        contain the values of the horizontal axis.
     title, x, y : str
         Title and axis labels.
     limits : (float, float)
-        Limits of the colour scale. Maps are comparable only if they have the same limits.
+        Limits of the colour scale. To compare several maps, use the same limits for all maps.
     """
     (ax,), (low, high) = new(90 + 60 * len(cells)), limits
     # the colour scale ends at 10 × high, so that all cells are light and black text is readable
@@ -371,13 +372,13 @@ VERDICTS = {"worse": "#b3261e", "better": "#1b7f4d", "undecided": "#b26b00"}
 
 @styled
 def verdict_intervals(rows: Sequence[Mapping[str, Any]], *, axes: Axes | None = None) -> Figure:
-    """Draw changes of scores with their intervals and margins, one line per score.
+    """Draw the changes of scores with confidence intervals and margins, one line per score.
 
     Parameters
     ----------
     rows : sequence of mapping
-        Rows of a verdict, as in the output of `flexaxis compare --json`. Rows without an interval
-        are left out.
+        Rows of a verdict from the output of `flexaxis compare --json`. The function ignores rows
+        without an interval.
     axes : Axes, optional
         Matplotlib axes for the figure (default: axes of a new figure).
     """
@@ -393,4 +394,4 @@ def verdict_intervals(rows: Sequence[Mapping[str, Any]], *, axes: Axes | None = 
         ax.hlines(place, 1 / margin, margin, color=MUTED, lw=7, alpha=0.2)
         colour = VERDICTS.get(row["verdict"], MUTED)
         _interval(ax, place, ratios, "", tip, color=colour, marker="o")
-    return _rows(ax, names, "candidate / base (less is better)")
+    return _rows(ax, names, "ratio of candidate to base (smaller is better)")

@@ -1,8 +1,8 @@
-"""Make pages: single HTML files that contain their figures as SVG and need no network.
+"""Create report pages as single HTML files with SVG figures, which need no network.
 
-All pages extend one template. Readers can select the text of a figure. The colours are variables of
-the style sheet, which has a dark mode. The curves of each estimator have a CSS class, so that the
-script of the page can hide them.
+All pages extend one template. Readers can select the text in a figure. The style sheet defines the
+colours as variables, and has a dark mode. The curves of each estimator have a CSS class, so that
+the page script can hide the curves.
 """
 
 import html
@@ -27,28 +27,28 @@ SIDES = ("base", "candidate")
 
 
 def render(template: str, *, looks: Looks, **content: Any) -> str:
-    """Return a page as HTML.
+    """Fill a template, and return the page as HTML.
 
     Parameters
     ----------
     template : str
         Path of a template in `flexaxis.experiments`, such as ``"reporting/templates/run.html"``.
-        The template extends ``reporting/templates/page.html``, which requires a `title`.
+        Each template extends ``reporting/templates/page.html``, which requires a `title`.
     looks : mapping of str to Style
-        Styles, from `styles.assigned`, of the estimators that the page can hide.
+        Styles (from `styles.assigned`) of the estimators that readers can hide on the page.
     **content
-        Values of the template's variables. Text is escaped. A missing variable is an error.
+        Values of the template variables. Text is escaped. A missing variable is an error.
     """
     return TEMPLATES.get_template(template).render(styles=NINE, looks=looks, **content)
 
 
 def comparison(verdict: Mapping[str, Any]) -> str:
-    """Return the page of a comparison as HTML: the verdict, changes with intervals, and all scores.
+    """Return the HTML page of a comparison, with the verdict and the changes of all scores.
 
     Parameters
     ----------
     verdict : mapping
-        Content of the output of `flexaxis compare --json`.
+        JSON object that `flexaxis compare --json` prints.
     """
     drawings = [drawn(figures.verdict_intervals, "change of each score", verdict["rows"])]
     lines = [("", list(map(tables.Cell, row["text"]))) for row in verdict["rows"]]
@@ -58,16 +58,16 @@ def comparison(verdict: Mapping[str, Any]) -> str:
 
 
 def drawn(draw: Callable[..., Figure], label: str, *args: Any, **options: Any) -> Markup:
-    """Draw a figure, and return it as SVG for a page.
+    """Draw a figure, and return the figure as SVG for a page.
 
     Parameters
     ----------
     draw : callable
         Function that draws the figure, such as a function of the module `figures`.
     label : str
-        Description of the figure for screen readers. It must be unique on the page.
+        Description of the figure for screen readers. Each label must be unique on the page.
     *args, **options
-        Arguments of `draw`.
+        Arguments of the function `draw`.
     """
     buffer, name = io.StringIO(), slug(label)
     with mpl.rc_context(dict(SETTINGS) | {"svg.hashsalt": name}):  # unique ids
@@ -84,7 +84,7 @@ def drawn(draw: Callable[..., Figure], label: str, *args: Any, **options: Any) -
 
 
 def _opened(group: re.Match[str]) -> str:
-    """Replace the id of an SVG group, which `styles.tag` has set, by a class and a title."""
+    """Replace the id of an SVG group (set by `styles.tag`) with a class and a title."""
     text = html.unescape(group[1] or group[2])
     estimator, tip = json.loads(text) if text.startswith("[") else ("", "")
     title = f"<title>{escape(tip)}</title>" if tip else ""
@@ -92,13 +92,13 @@ def _opened(group: re.Match[str]) -> str:
 
 
 def slug(text: str) -> str:
-    """Return an HTML id for a text. Different texts have different ids."""
+    """Return a unique HTML id for a text."""
     plain = re.sub(r"\W+", "-", text).strip("-")
     return plain if plain == text else f"{plain}-{crc32(text.encode()):x}"
 
 
 def symbols(text: str) -> Markup:
-    """Convert a text to HTML, with subscripts in symbols such as f_m, and `code` as code.
+    """Convert a text to HTML with formatted `code`, and with subscripts in symbols such as f_m.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""The report of a run: the main result on the first screen, then a section for each scenario."""
+"""Write the report of a run, with the main result first and a section for each scenario."""
 
 from collections.abc import Iterator, Mapping
 from functools import partial
@@ -51,7 +51,7 @@ def render(results: Results, summary: Mapping[str, Any]) -> str:
 
 
 class Drawing:
-    """The figures and tables of a run."""
+    """The figures and tables in the report of a run."""
 
     def __init__(self, results: Results, summary: Mapping[str, Any]) -> None:
         self.results, self.swept = results, summary.get("tradeoff") or {}
@@ -64,7 +64,7 @@ class Drawing:
         self.runs = runs.assign(over_bound=runs["lag"] / runs["lag_bound"])
 
     def board(self) -> dict[str, Any] | None:
-        """Return the content of the first screen, or None without an equal-noise comparison."""
+        """Return the first report screen, or None without a comparison at equal noise."""
         swept = self.swept
         if not swept.get("matched"):
             return None
@@ -84,11 +84,11 @@ class Drawing:
     def over_time(
         self, scenario: Scenario, name: str, settings: dict[str, str], label: str = "default"
     ) -> list[Markup]:
-        """Return figures of the median estimates of a parameter over time.
+        """Return figures of the median parameter estimates over time.
 
-        If the scenario contains an event, the first figure shows the first second after the event.
-        The last figure shows the whole run. The curves of the first estimator and of the reference
-        have bands.
+        If the scenario contains a fault, the first figure covers the first second after the fault.
+        The last figure covers the whole run. The curves of the first estimator and of the reference
+        estimator have quantile bands.
         """
         traces, drawn, windows = {}, [], [(0.0, scenario.duration)]
         banded = (next(iter(settings)), REFERENCE)
@@ -108,15 +108,15 @@ class Drawing:
         return drawn
 
     def defaults(self) -> Iterator[tuple[str, Markup]]:
-        """Yield a heading and a figure for the results of all scenarios at default settings."""
+        """Yield a heading and a figure for the results of all scenarios with default settings."""
         if (self.runs["lag_bound"] > 0).any():
             drawn = self.draw(figures.shares, "share of runs", self.runs)
-            yield "Share of runs against the bound", drawn
+            yield "Fraction of runs below each ratio of lag to bound", drawn
 
     def section(self, name: str, rows: pd.DataFrame) -> dict[str, Any]:
-        """Return the content of a scenario's section.
+        """Return the content of the report section for one scenario.
 
-        The section contains no scores if the scenario was run only at equal noise.
+        If the scenario was run only at equal noise, the section contains no scores.
         """
         scenario, own = self.scenarios[name], rows[rows["scenario"] == name]
         happens = words.happens(scenario.resolved())
@@ -132,7 +132,7 @@ class Drawing:
         return section | {"figures": drawn, "table": table} | self._runs(name)
 
     def _runs(self, name: str) -> dict[str, Any]:
-        """Return a figure and a table of single runs of a scenario. The worst runs come first."""
+        """Return a figure and a table of the single runs of a scenario, with the worst run first."""
         runs = self.runs.sort_values(["changed", "diverged", "lag", "std"], ascending=False)
         runs = runs[runs["scenario"] == name].drop_duplicates(["estimator", "seed"])
         shown = runs.groupby("estimator").head(MANY)

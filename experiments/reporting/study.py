@@ -1,4 +1,4 @@
-"""The report of a study: main result, scores as functions of the swept keys, maps and a table."""
+"""Write the report of a study, with curves, maps and a table of scores over swept settings."""
 
 from collections.abc import Iterator, Sequence
 from itertools import combinations
@@ -27,10 +27,10 @@ def render(results: Results) -> str:
     Raises
     ------
     StudyError
-        If no run could be simulated.
+        If all simulations of the study failed.
     """
     if not results.frame["parameter"].any():
-        raise StudyError("no run could be simulated: the column `error` gives the reasons")
+        raise StudyError("all simulations failed: see the column `error` for the reasons")
     axes, study = numeric_axes(results), results.study
     table = _table(results)
     looks = assigned(name for name, _ in table.rows)
@@ -54,16 +54,16 @@ def render(results: Results) -> str:
 
 
 def numeric_axes(results: Results) -> list[str]:
-    """Return the swept keys that have several numeric values. Keys of faults come first."""
+    """Return the swept settings with several numeric values, with the fault settings first."""
     axes = results.frame[list(results.axes)].select_dtypes("number")
     return sorted(axes.columns[axes.nunique() > 1], key=lambda axis: not axis.startswith("fault"))
 
 
 def pooled(results: Results, axes: Sequence[str], *by: str) -> pd.DataFrame:
-    """Return the scores, pooled over the seeds and over all swept keys that are not in `axes`.
+    """Return the scores, pooled over the seeds and over the swept settings outside `axes`.
 
-    Each setting of an estimator counts as a separate estimator, unless one of `axes` is an option
-    of an estimator.
+    If `axes` contains no estimator option, each setting of an estimator counts as a separate
+    estimator.
     """
     option = any(is_option(axis, results.study["estimators"]) for axis in axes)
     rows = tables.flat(results.pooled(*by, "estimator" if option else "setting", *axes))
@@ -71,7 +71,7 @@ def pooled(results: Results, axes: Sequence[str], *by: str) -> pd.DataFrame:
 
 
 def title(results: Results) -> str:
-    """Return a sentence with the main result of a study: the estimator with the highest score."""
+    """Return a sentence that names the estimator with the highest score in a study."""
     axes = numeric_axes(results)[:1]
     rows = _changed(results, axes).dropna(subset="score")
     if rows.empty:
@@ -84,24 +84,24 @@ def title(results: Results) -> str:
 
 
 def _changed(results: Results, axes: Sequence[str]) -> pd.DataFrame:
-    """Return the pooled scores of the parameters that change and have a lag."""
+    """Return the pooled scores of the changed parameters, without rows that lack a lag."""
     rows = pooled(results, axes)
     return rows[rows["changed"].astype(bool) & rows["lag"].notna()]
 
 
 def over_axis(results: Results, axis: str, *measures: str) -> dict[str, Any]:
-    """Return the options of `curves` that draw scores as functions of a swept key of a study.
+    """Return options for `curves` to draw scores over a swept setting of a study.
 
-    Each score of each parameter has its own panel.
+    The figure has one panel for each combination of score and parameter.
 
     Parameters
     ----------
     results : Results
         Results of the study.
     axis : str
-        Swept key on the abscissa.
+        Swept setting on the horizontal axis.
     *measures : str
-        Names of the scores to draw, which are columns of the pooled scores.
+        Names of the scores to draw. Each name is a column of the pooled scores.
     """
     rows, panels, x = _changed(results, [axis]), {}, axis_words(axis)
     for measure in rows.columns.intersection(measures):
@@ -112,7 +112,7 @@ def over_axis(results: Results, axis: str, *measures: str) -> dict[str, Any]:
 
 
 def _maps(results: Results) -> Iterator[tuple[str, list[Markup]]]:
-    """Yield, for each pair of swept keys, a heading and one map of the lag per estimator."""
+    """Yield a heading and one lag map per estimator for each pair of swept settings."""
     for y, x in combinations(numeric_axes(results), 2):
         heading = f"lag [s] over {axis_words(x)} and {axis_words(y)}"
         maps = _changed(results, [x, y]).pivot_table("lag", ["estimator", y], x)
@@ -123,9 +123,9 @@ def _maps(results: Results) -> Iterator[tuple[str, list[Markup]]]:
 
 
 def _table(results: Results) -> tables.Table:
-    """Return a table of the pooled scores at each point of the study.
+    """Return a table of the pooled scores for each combination of swept settings.
 
-    The rows of parameters that change come first.
+    The rows of the changed parameters come first.
     """
     rows = pooled(results, results.axes, "scenario")
     rows = rows.sort_values("changed", ascending=False, kind="stable").head(LINES)

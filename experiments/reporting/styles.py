@@ -1,9 +1,9 @@
-"""The style of all figures: matplotlib settings, and nine styles with a colour, dash and marker.
+"""The matplotlib settings of all figures, and nine styles with a colour, dash and marker.
 
-Any two of the nine colours differ by ΔE*76 ≥ 20, even for readers with deuteranopia. In the light
-and the dark variant, each colour has a contrast of at least 3 with the background (WCAG 2.1,
-1.4.11). The colours were chosen by a random search near named hues. If you change a colour, compute
-the colour differences and the contrast again.
+The colour difference ΔE*76 between any two of the nine colours is at least 20, even for readers
+with deuteranopia. The contrast between each colour and the background is at least 3 in light and
+dark mode (WCAG 2.1, 1.4.11). The colours come from a random search near named hues. If you change a
+colour, compute the colour differences and the contrast again.
 """
 
 import json
@@ -21,22 +21,22 @@ from flexaxis.experiments.reporting.tables import SYMBOL
 
 @dataclass(frozen=True)
 class Style:
-    """The style of an estimator's curves and markers.
+    """The style of the curves and markers of one estimator.
 
     Attributes
     ----------
     place : int
-        Index of the colour, 0 to 8.
+        Index of the colour, from 0 to 8.
     light, dark : str
-        Colours on a light background and on a dark background.
+        Colours for a light background and for a dark background.
     dash : str
-        Lengths of strokes and gaps in pixels of 1/96 inch, separated by blanks; empty for a solid
-        line.
+        Dash pattern with the lengths of strokes and gaps in pixels (1/96 inch), separated by
+        blanks. An empty text means a solid line.
     marker : str
         Marker code of matplotlib.
     hollow : bool
-        Whether only the outline of the marker is drawn. The tenth and later estimators of a page
-        have hollow markers.
+        True if the markers have no fill colour. From the tenth estimator on a page, the markers are
+        hollow.
     """
 
     place: int
@@ -68,7 +68,7 @@ STYLES = [
     for turn in range(len(NINE))
     for i, one in enumerate(NINE)
 ]
-"""The nine styles, followed by styles with the same colours but other dashes and hollow markers."""
+"""The nine styles, followed by variants with other dash patterns and hollow markers."""
 
 # Indices of the fixed styles of common estimators and parameters. The reference is a solid blue
 # line.
@@ -80,7 +80,7 @@ _PLACES = {
 
 VARIABLES = {TEXT: "text", MUTED: "muted", LINE: "line", SOFT: "soft", BACK: "back"}
 VARIABLES |= {style.light.lower(): f"style-{style.place}" for style in NINE}
-"""Variables of the style sheet that replace the colours of a figure, keyed by colour."""
+"""Style sheet variables that replace the colours of a figure, keyed by colour."""
 
 SETTINGS = mpl.rc_params_from_file(
     Path(__file__).parent / "figures.mplstyle", use_default_template=False
@@ -88,11 +88,11 @@ SETTINGS = mpl.rc_params_from_file(
 
 
 styled = mpl.rc_context(SETTINGS)
-"""Decorator that applies the matplotlib settings `SETTINGS` while a function draws."""
+"""Decorator that applies the matplotlib settings `SETTINGS` during a function call."""
 
 
 def tag(artist: Any, estimator: str = "", tip: str = "") -> Any:
-    """Set the estimator and the hover text of a matplotlib artist, and return the artist."""
+    """Add an estimator name and a hover text to a matplotlib artist, and return the artist."""
     artist.set_gid(json.dumps([estimator, tip]))
     return artist
 
@@ -105,8 +105,8 @@ def look(estimator: str, looks: Mapping[str, Style]) -> dict[str, Any]:
     estimator : str
         Name of the estimator.
     looks : mapping of str to Style
-        Styles from the function `assigned`. The function `style` gives the style of any other
-        estimator.
+        Styles from the function `assigned`. For other estimators, the function `style` determines
+        the style.
     """
     own = looks.get(estimator) or style(estimator)
     # matplotlib multiplies the lengths by the line width of 1.5
@@ -121,7 +121,7 @@ def look(estimator: str, looks: Mapping[str, Style]) -> dict[str, Any]:
 
 
 def symbols(text: str) -> str:
-    """Convert symbols such as f_m in a text to matplotlib's math notation.
+    """Convert symbols such as f_m in a text to the math notation of matplotlib.
 
     Examples
     --------
@@ -134,14 +134,13 @@ def symbols(text: str) -> str:
 def assigned(names: Iterable[str]) -> dict[str, Style]:
     """Assign styles to the estimators of a page, and return the styles in the order of `names`.
 
-    Common estimators have fixed styles. The other estimators get the remaining styles in order.
-    Options in brackets affect the style only if the same estimator appears several times on the
-    page.
+    Common estimators have fixed styles. The other estimators get the remaining styles in the given
+    order. If an estimator appears only once on the page, its options do not affect the style.
 
     Parameters
     ----------
     names : iterable of str
-        Names of the estimators, including options in brackets.
+        Names of the estimators, with options in brackets.
 
     Examples
     --------
@@ -156,7 +155,7 @@ def assigned(names: Iterable[str]) -> dict[str, Style]:
 
 
 def style(estimator: str) -> Style:
-    """Return the style of an estimator outside a page. The style depends only on the name."""
+    """Return the style of an estimator in a single figure, which depends only on the name."""
     others = range(len(NINE), len(STYLES))
     return STYLES[_PLACES.get(_base(estimator), others[crc32(estimator.encode()) % len(others)])]
 

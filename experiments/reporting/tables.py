@@ -1,4 +1,4 @@
-"""Tables for pages and the terminal: number formats, and tables made from a DataFrame."""
+"""Format numbers, and create tables for pages and the terminal from a DataFrame."""
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 SYMBOL = re.compile(r"(?<![\w-])([A-Za-zΔθσψεμλτ])_([A-Za-z0-9θ]{1,3})(?![A-Za-z0-9_-])")
-"""Pattern of a symbol with an index, such as f_m, that is not part of a longer word."""
+"""Regular expression for a symbol with a subscript, such as f_m, outside longer words."""
 
 COLUMNS = {
     "lag": "lag [s]",
@@ -23,11 +23,11 @@ COLUMNS = {
     "detection.false_alarms_per_1000_s": "false alarms / 1000 s",
     "cost.us_per_sample": "µs/sample",
 }
-"""Column heads (with units) of the scores that pages and the terminal show, keyed by score."""
+"""Column headings of the scores on pages and in the terminal, keyed by score name."""
 
 
 class Cell(NamedTuple):
-    """A cell of a table: text, value for sorting, small text below, and star for the best."""
+    """A table cell with text, a sort value, small text below, and a star for the best value."""
 
     text: str
     value: Any = None
@@ -36,7 +36,7 @@ class Cell(NamedTuple):
 
 
 class Table(NamedTuple):
-    """A table: name, column heads, rows (the estimator and the cells), and notes below the rows."""
+    """A table with a name, column headings, one row of cells per estimator, and notes."""
 
     name: str
     heads: Sequence[str]
@@ -45,16 +45,16 @@ class Table(NamedTuple):
 
 
 def table(name: str, rows: pd.DataFrame, columns: Mapping[str, str]) -> Table:
-    """Make a table from some columns of a DataFrame, with intervals as small text.
+    """Create a table from columns of a DataFrame, with confidence intervals in small text.
 
     Parameters
     ----------
     name : str
         Name of the table.
     rows : DataFrame
-        Scores, including a column ``estimator``.
+        Scores with a column ``estimator``.
     columns : mapping of str to str
-        Heads of the columns to show, keyed by their names in `rows`.
+        Column headings of the table, keyed by the column names in `rows`.
     """
     lines = [(row["estimator"], [_cell(row, column) for column in columns])
              for row in rows.to_dict("records")]  # fmt: skip
@@ -72,14 +72,14 @@ def _cell(row: Mapping[str, Any], column: str) -> Cell:
 def flat(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
     """Convert pooled scores to a DataFrame, and add the column `over_bound`.
 
-    The names of nested scores are joined with dots.
+    The column name of a nested score contains all keys, separated by dots.
     """
     flat = pd.json_normalize(list(rows))
     return flat.assign(over_bound=pd.to_numeric(flat["lag"]) / pd.to_numeric(flat["lag_bound"]))
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """Return a number as text for a table, or a dash if the number is None.
+    """Return a number as text for a table, or a dash for None.
 
     Examples
     --------
@@ -93,7 +93,7 @@ def number(value: float | None, digits: int = 3) -> str:
 
 
 def short(value: float | None) -> str:
-    """Return a number as text with two significant digits, or a dash if there is no finite number.
+    """Return a number as text with two significant digits, or a dash for None and NaN.
 
     Examples
     --------
@@ -108,7 +108,7 @@ def short(value: float | None) -> str:
 
 
 def between(values: Iterable[float | None] | None) -> str:
-    """Return the range of some numbers as text, or one number if both ends have the same text.
+    """Return the range of several numbers as text, such as "0.038–0.073".
 
     Examples
     --------

@@ -1,6 +1,6 @@
-"""The main tables of a run, and the conversion of tables to text for the terminal.
+"""Create the main tables of a run, and convert tables to text for the terminal.
 
-The main tables contain the lags at equal noise, and the scores at default settings.
+The main tables contain the lags at equal noise, and the scores with default settings.
 """
 
 import sys
@@ -18,16 +18,19 @@ from flexaxis.experiments.reporting.tables import Cell, Table, between, short
 
 NOTES = {REFERENCE: "the paper’s method", RECOMMENDED: "recommended", "frozen": "never moves"}
 LEGEND = (
-    "★: fastest, or not significantly slower; below each lag: × bound, and 95 % interval",
-    "lag: mean |error| after the fault / size of the fault × 5 s; an estimator that never reacts "
-    "has a lag of 5 s",
-    "× bound: lag / Cramér–Rao bound of an estimator that knows when, but not what, changed",
-    f"≤, ≥: upper or lower limit of the lag, because no setting is as noisy as {REFERENCE}",
+    "★ marks the fastest estimator, and all estimators that are not significantly slower",
+    "Below each lag are the ratio of lag to bound (×) and the 95 % confidence interval of the lag",
+    "The lag is the mean absolute error after the fault, divided by the size of the fault, times "
+    "5 s (an estimator that never reacts has a lag of 5 s)",
+    "The bound is the Cramér–Rao bound for an estimator that knows the time of the fault, but not "
+    "the changed parameter",
+    "≤ and ≥ mark upper and lower limits of the lag, if an estimator has no setting that is as "
+    f"noisy as {REFERENCE}",
 )
 
 
 def as_text(*tables: Table) -> str:
-    """Convert tables to text that fits the terminal, or 200 columns for a file or a pipe."""
+    """Convert tables to text that fits the terminal (200 columns for a file or a pipe)."""
     # The log of a CI build is a file. All names fit into 200 columns.
     console = Console(width=None if sys.stdout.isatty() else 200)
     with console.capture() as capture:
@@ -36,7 +39,7 @@ def as_text(*tables: Table) -> str:
 
 
 def _shown(table: Table) -> rich.table.Table:
-    """Convert a table to a rich table, with the name above the rows and the notes below them."""
+    """Convert a table to a rich table, with the name above the rows and the notes at the end."""
     shown = rich.table.Table(box=None, padding=(0, 1, 0, 0), title=table.name, title_justify="left",
                              caption="\n".join(table.notes), caption_justify="left")  # fmt: skip
     for head in table.heads:
@@ -48,7 +51,7 @@ def _shown(table: Table) -> rich.table.Table:
 
 
 def run_text(summary: Mapping[str, Any]) -> str:
-    """Return the main tables of a run as text: lags at equal noise, then default settings.
+    """Return the main tables of a run as text, with the lags at equal noise first.
 
     Parameters
     ----------
@@ -61,14 +64,14 @@ def run_text(summary: Mapping[str, Any]) -> str:
 
 
 def equal_noise_table(swept: Mapping[str, Any]) -> Table:
-    """Return the table of lags at equal noise: one row per estimator, one column per fault.
+    """Return the table of lags at equal noise, with a row per estimator and a column per fault.
 
-    The last column contains the score over all faults.
+    The last column contains the overall score of each estimator.
 
     Parameters
     ----------
     swept : mapping
-        Entry ``tradeoff`` of a summary, which contains ``matched``, ``overall`` and
+        Entry ``tradeoff`` of summary.json. The entry contains ``matched``, ``overall`` and
         ``definitions``.
     """
     few, faults, cells = too_few(swept["matched"]), words.fault_words(swept), {}
@@ -89,14 +92,15 @@ def equal_noise_table(swept: Mapping[str, Any]) -> Table:
 
 
 def default_table(pooled: Sequence[Mapping[str, Any]]) -> Table:
-    """Return the table of scores at default settings: one row per estimator and scenario.
+    """Return the table of scores with default settings.
 
-    The table contains only the parameters that change, or all parameters if no parameter changes.
+    The table contains the changed parameters of each scenario. If no parameter changes, the table
+    contains all parameters.
 
     Parameters
     ----------
     pooled : sequence of mapping
-        Pooled scores, one mapping per scenario, estimator and parameter.
+        Pooled scores with one mapping for each scenario, estimator and parameter.
     """
     rows = tables.flat(pooled)
     cases = rows.groupby(["scenario", "estimator"])["changed"]
@@ -104,5 +108,5 @@ def default_table(pooled: Sequence[Mapping[str, Any]]) -> Table:
     rows = rows.drop(columns=rows.filter(like="_interval"))
     rows = rows.assign(last=rows["estimator"] == "frozen").sort_values(["scenario", "last"])
     heads = {name: name for name in ("scenario", "estimator", "parameter")} | tables.COLUMNS
-    title = "Default settings: the noise differs, so do not rank by lag"
+    title = "Default settings: do not rank by lag, because the noise of the estimators differs"
     return tables.table(title, rows, heads)

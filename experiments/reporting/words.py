@@ -1,6 +1,7 @@
-"""Sentences of reports: descriptions of faults, the fastest estimator, and warnings.
+"""Write the report sentences on faults, on the fastest estimator and on biased estimates.
 
-Every sentence is computed from the results. The terminal and the pages use the same sentences.
+The module computes every sentence from the results. The terminal and the report pages use the same
+sentences.
 """
 
 from collections.abc import Mapping, Sequence
@@ -42,7 +43,7 @@ BIASED = 10.0  # an estimate is called biased if its bias exceeds this limit [% 
 
 
 def listed(names: Sequence[str]) -> str:
-    """Join names with commas and "and" for use in a sentence.
+    """Join names with commas and "and", for use in a sentence.
 
     Examples
     --------
@@ -66,19 +67,19 @@ def change(fault: Row) -> str:
 
 
 def unmodelled(definition: Row) -> str:
-    """Return a list of the nonlinear effects of an axis as text, such as "cogging and backlash"."""
+    """Return the nonlinear effects of an axis as text, such as "cogging and backlash"."""
     return listed([BESIDE[key] for key in BESIDE if definition.get(key)])
 
 
 def happens(definition: Row) -> str:
-    """Return a description such as "motor friction +50 %, with dry friction" of a scenario."""
+    """Describe a scenario in words such as "motor friction +50 %, with dry friction"."""
     faults = ", ".join(map(change, definition.get("fault") or ())) or "no fault"
     beside = unmodelled(definition)
     return f"{faults}, with {beside}" if beside else faults
 
 
 def order_of(summary: Row) -> list[str]:
-    """Return the estimators of a run in the order of their rank. Unranked estimators come last."""
+    """Return the estimators of a run, sorted by rank, with unranked estimators last."""
     ranked = [row["estimator"] for row in (summary.get("tradeoff") or {}).get("overall", ())]
     return list(dict.fromkeys([*ranked, *summary["estimators"]]))
 
@@ -86,14 +87,14 @@ def order_of(summary: Row) -> list[str]:
 def fault_words(swept: Row) -> dict[str, str]:
     """Return descriptions of the faults in the comparison at equal noise.
 
-    The keys have the form "SCENARIO: PARAMETER".
+    Each key consists of the scenario name and the parameter name.
     """
     definitions, rows = swept["definitions"], swept["matched"]
     return {f"{r['scenario']}: {r['parameter']}": happens(definitions[r["scenario"]]) for r in rows}
 
 
 def answer(summary: Row) -> tuple[str, list[str]]:
-    """Return a sentence with the main result of a run, and sentences with further results."""
+    """Return one sentence with the main result of a run, and a list of further results."""
     rows = [row for row in (summary.get("tradeoff") or {}).get("matched", ())
             if row["estimator"] not in CONTROLS]  # fmt: skip
     few = too_few(rows) if rows else "no estimators were compared at equal noise"
@@ -116,7 +117,7 @@ def answer(summary: Row) -> tuple[str, list[str]]:
 
 
 def _title(matched: pd.DataFrame, first: Sequence[str], where: str) -> str:
-    """Return a sentence that names the leading estimators and compares them with the reference."""
+    """Return a sentence that compares the leading estimators with the reference estimator."""
     equal = matched[matched["how"] == "matched"]
     lags = equal.pivot_table("lag", "estimator", "fault").reindex([REFERENCE, *first])
     ratios = (lags.iloc[0] / lags.iloc[1:]).stack()
@@ -128,21 +129,21 @@ def _title(matched: pd.DataFrame, first: Sequence[str], where: str) -> str:
 
 
 def warning(rows: Sequence[Row], scenarios: Mapping[str, Row]) -> tuple[str, str] | None:
-    """Return a sentence that warns of biased estimates, and the name of the scenario.
+    """Return a warning of biased estimates, and the name of the scenario with biased estimates.
 
-    The warning concerns the scenario with the largest share of biased estimators.
+    The warning names the scenario with the largest fraction of biased estimators.
 
     Parameters
     ----------
     rows : sequence of mapping
-        Pooled scores at default settings.
+        Pooled scores with default settings.
     scenarios : mapping of str to mapping
-        Entries of summary.json with the `definition` of each scenario, keyed by name.
+        Entries of summary.json with the `definition` of each scenario, keyed by scenario name.
 
     Returns
     -------
     (str, str) or None
-        The sentence and the name of the scenario, or None if no estimate is biased.
+        The warning and the name of the scenario, or None if no estimate is biased.
     """
     able = pd.DataFrame([r for r in rows if r["changed"] and r["estimator"] not in CONTROLS])
     if able.empty:
@@ -163,12 +164,12 @@ def warning(rows: Sequence[Row], scenarios: Mapping[str, Row]) -> tuple[str, str
 
 
 def failures_in_words(failures: Sequence[Row]) -> list[tuple[str, int]]:
-    """Return, for each estimator, a sentence about its first failure and its number of failures.
+    """Return a sentence on the first failure of each estimator, and the number of failures.
 
     Parameters
     ----------
     failures : sequence of mapping
-        Failed cases. Each mapping contains `scenario`, `estimator`, `seed` and `error`.
+        Failed runs. Each mapping contains `scenario`, `estimator`, `seed` and `error`.
     """
     texts: dict[str, list[str]] = {}
     for row in failures:
@@ -178,36 +179,36 @@ def failures_in_words(failures: Sequence[Row]) -> list[tuple[str, int]]:
 
 
 AXES = {
-    "factor": "parameter after / before the fault",
+    "factor": "fault factor (new / old value)",
     "at": "time of the fault [s]",
-    "over": "time over which the parameter changes [s]",
+    "over": "duration of the parameter change [s]",
     "duration": "length of the run [s]",
     "period": "sampling period [s]",
-    "start": "initial estimate / nominal",
-    "noise.speed": "noise of the speed, 1σ [rad/s]",
-    "noise.angle": "noise of the angle, 1σ [rad]",
+    "start": "initial estimate / nominal value",
+    "noise.speed": "rms speed noise [rad/s]",
+    "noise.angle": "rms angle noise [rad]",
     "encoder.counts": "encoder counts per turn",
-    "excitation.high": "upper end of the excitation [Hz]",
-    "excitation.rms": "rms of the reference [rad]",
+    "excitation.high": "highest excitation frequency [Hz]",
+    "excitation.rms": "rms reference angle [rad]",
     "friction.coulomb": "Coulomb friction [N m]",
-    "backlash.gear": "backlash of the gear [rad]",
+    "backlash.gear": "gear backlash [rad]",
     "forgetting": "forgetting factor λ",
     "drift": "size of the drift Δ",
 }
-"""Labels (with units) of swept keys."""
+"""Axis labels of swept settings, with units."""
 
 
 def axis_words(key: str) -> str:
-    """Return the label (with unit) of a swept key, or the key itself if `AXES` has no label.
+    """Return the axis label of a swept setting, or the key of the setting if no label exists.
 
     Parameters
     ----------
     key : str
-        Swept key such as ``"fault[0].factor"`` or ``"rpem-forgetting.forgetting"``.
+        Key of a swept setting, such as ``"fault[0].factor"``.
 
     Examples
     --------
     >>> axis_words("noise.speed"), axis_words("fault[0].factor"), axis_words("controller.Ki")
-    ('noise of the speed, 1σ [rad/s]', 'parameter after / before the fault', 'controller.Ki')
+    ('rms speed noise [rad/s]', 'fault factor (new / old value)', 'controller.Ki')
     """
     return AXES.get(key) or AXES.get(key.rpartition(".")[2], key)

@@ -217,6 +217,6 @@ def test_a_study_answers_first_and_has_a_map_of_two_axes(stored, tmp_path):
     more = {"scenarios": [{"definition": definition}], "seeds": [0, 1, 2], "streams": "own"}
     html = study.render(stored(tmp_path, rows, [size, friction], **more))
     title = html[html.index("<h1>") + 4 : html.index("</h1>")]
-    assert title.startswith("glr has the highest score over the parameter after / before the fault")
+    assert title.startswith("glr has the highest score over the fault factor (new / old value)")
     assert html.count('aria-label="glr: lag [s] over') == 1
     assert "0.60</text>" in html and "4.0</text>" in html  # cells of glr and of ekf
