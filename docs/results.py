@@ -1,9 +1,10 @@
-"""Write the tables of docs/results.md: `python docs/results.py [--seeds 3000:3020] [--jobs 2]`.
+"""Run the benchmarks for docs/results.md, and insert the result tables into the page.
 
-The script runs the estimators once for each table and stores the runs in results/docs. It writes
-all pooled rows to docs/data/results.csv. With 20 seeds the script takes about half an hour on two
-cores. To resume an interrupted run, repeat the command. With `--picture`, the script only draws
-docs/images/fm_step.png, the figure of the README.
+The command is `python docs/results.py [--seeds 3000:3020] [--jobs 2]`. The script runs the
+estimators once for each table, and stores the runs in results/docs. The script writes the pooled
+scores of all tables to docs/data/results.csv. With 20 seeds, the script takes about half an hour on
+two cores. To resume an interrupted run, repeat the command. With `--picture`, the script only draws
+docs/images/fm_step.png, which is the figure in the README.
 """
 
 import argparse
@@ -32,7 +33,7 @@ RUNS = {
                     "rpem-forgetting")),
     "drives": ("drives", ("glr", "glr[gear=true]", "ekf", "rpem-forgetting")),
 }  # fmt: skip
-"""The scenarios and the estimators of each table."""
+"""Scenarios and estimators of each table in docs/results.md."""
 KEPT = ["table", "scenario", "estimator", "parameter", "changed", "runs", "lag", "lag_bound",
         "lag_bound_learnt", "t10", "bias", "std", "cross_talk", "diverged"]  # fmt: skip
 
@@ -61,7 +62,7 @@ def table(rows: pd.DataFrame) -> str:
 
 
 def cell(row: dict) -> str:
-    """Return the text of a table cell: lag / bounds, bias, std, detections and lost runs."""
+    """Return a table cell with the lag, the bias, the noise, the detections and lost runs."""
     bounds = [row[name] for name in ("lag_bound", "lag_bound_learnt") if row[name] > 0]
     ratios = "/".join(f"{row['lag'] / bound:.2g}" for bound in bounds)
     times = f" ({ratios} ×)" if bounds else ""
@@ -75,9 +76,9 @@ def cell(row: dict) -> str:
 
 
 def write(rows: pd.DataFrame, seeds: str) -> None:
-    """Insert the tables into docs/results.md, and write the pooled rows to docs/data/results.csv.
+    """Insert the tables into docs/results.md, and write the pooled scores to docs/data/results.csv.
 
-    Each table is inserted between the lines `<!-- table: NAME -->` and `<!-- end -->`.
+    Each table replaces the lines between two marker comments in docs/results.md.
     """
     text = PAGE.read_text(encoding="utf-8")
     below = f"\n*`python docs/results.py --seeds {seeds}`, flexaxis {version('flexaxis')}.*\n"
@@ -95,7 +96,7 @@ def write(rows: pd.DataFrame, seeds: str) -> None:
 
 
 def draw_picture() -> None:
-    """Draw median and 10–90 % range of two estimators' estimates around a fault in thirty runs."""
+    """Draw the median and the 10–90 % range of two estimators around a fault, over thirty runs."""
     scenario, window = find_scenario("fm_step-v1"), (5.0, 20.0)
     seeds = tuple(range(1000, 1030))
     study = Study("fm_step", (scenario,), ("rpem-forgetting", RECOMMENDED), seeds)
@@ -114,7 +115,7 @@ if __name__ == "__main__":
     options = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     options.add_argument("--seeds", default="3000:3020", help="seeds FROM:TO (default 3000:3020)")
     options.add_argument("--jobs", type=int, default=2, help="worker processes (default 2)")
-    options.add_argument("--picture", action="store_true", help="only draw the README figure")
+    options.add_argument("--picture", action="store_true", help="draw only the README figure")
     chosen = options.parse_args()
     if chosen.picture:
         draw_picture()

@@ -1,8 +1,8 @@
-"""Measure the tables of docs/speed.md: `python docs/speed.py [--steps 200000]`.
+"""Measure the computing times of all estimators, and insert the tables into docs/speed.md.
 
-The script measures the processor time of all estimators in turn, in several rounds within one
-process. Absolute times depend on the machine and its load, so quote the ratios of times. The script
-takes a few minutes.
+The command is `python docs/speed.py [--steps 200000]`. The script measures the processor time of
+all estimators in several rounds within one process. Absolute times depend on the computer and its
+load, so quote only ratios of times. The script takes a few minutes.
 """
 
 import argparse
@@ -28,7 +28,7 @@ UNIT = "rpem-forgetting"
 
 
 def micro(work, samples):
-    """Return the shorter of two times per sample [µs], because other processes may interfere."""
+    """Return the computing time per sample [µs], as the shorter time of two measurements."""
     times = []
     for _ in range(2):
         start = time.thread_time()
@@ -38,14 +38,14 @@ def micro(work, samples):
 
 
 def exponential():
-    """Return the time [µs] of one matrix exponential of the extended system (22), (23)."""
+    """Return the computing time [µs] of the matrix exponential for equations (22) and (23)."""
     model = three_mass(dict(SCENARIO.nominal)).parametrize(SCENARIO.identify)
     F = extended_system(model, model.theta)[0] * SCENARIO.period
     return micro(lambda: [expm(F) for _ in range(500)], 500)
 
 
 def estimators():
-    """Return, for each estimator, the median times per sample [µs] of `run` and `step`."""
+    """Return the median computing times per sample [µs] of `run` and `step` of all estimators."""
     record = fx.simulate(SCENARIO, seed=0)
     u, y = record.torque, record.speed
     made = {name: build(parse(name), SCENARIO) for name in REGISTRY}
@@ -63,7 +63,7 @@ def estimators():
 
 
 def speed():
-    """Return the rows of the table that shows the computing times of all estimators."""
+    """Return the table rows with the computing times of all estimators."""
     times = estimators()
     unit, rows = times[UNIT][0], [["", "`run` [µs]", f"times `{UNIT}`", "`step` [µs]"], ["---"] * 4]
     for name, (run, step) in times.items():
@@ -73,9 +73,9 @@ def speed():
 
 
 def longest(steps):
-    """Return a table with percentiles of the times of single `glr` steps.
+    """Return a table with percentiles of the computing times of single `glr` steps.
 
-    A fault occurs every 20 s. Each step is timed twice, and the shorter time counts.
+    A fault occurs every 20 s. The function measures each step twice, and uses the shorter time.
     """
     record = fx.simulate(SCENARIO, seed=0)
     passes = []
@@ -95,7 +95,7 @@ def longest(steps):
 
 
 def write(name, rows, command):
-    """Insert a table into docs/speed.md, between the markers with the name of the table."""
+    """Insert a table between the markers with the table name in docs/speed.md."""
     text = PAGE.read_text(encoding="utf-8")
     table = "".join(f"| {' | '.join(row)} |\n" for row in rows)
     below = f"\n*`{command}`, flexaxis {version('flexaxis')}.*\n"

@@ -1,8 +1,9 @@
-"""Simulate daily logs of a robot axis with wear and warm-up: `python daily_logs.py FOLDER`.
+"""Simulate daily logs of a robot axis with wear and temperature changes.
 
-The script simulates a published axis (`wg_fc_step-v1`) that performs the same motion of 20 s every
-morning. The friction falls by 1 % per kelvin, and from day 30 to day 60 the dry friction grows by
-12 %. Each log has a column `temp`. The file FOLDER/axis.toml contains data-sheet values with errors
+To write the logs to a folder, run `python daily_logs.py FOLDER`. The axis is the published axis of
+the scenario `wg_fc_step-v1`, which repeats the same 20 s motion every morning. The friction falls
+by 1 % per kelvin. The dry friction increases by 12 % from day 30 to day 60. The column `temp` of
+each log contains the temperature. The file FOLDER/axis.toml contains data-sheet values with errors
 of up to 5 %.
 """
 

@@ -1,4 +1,4 @@
-"""Estimate the motor friction from a work cycle, first with unknown and then with known k_T."""
+"""Estimate the motor friction from a work cycle, with unknown and with known torque constant."""
 
 import numpy as np
 

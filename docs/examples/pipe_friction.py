@@ -1,8 +1,9 @@
-"""An estimator that is a separate program: `pipe:python docs/examples/pipe_friction.py`.
+"""Estimate the motor friction f_m in a separate program that communicates through a pipe.
 
-The program estimates the motor friction f_m. It predicts the motor speed and computes the
-sensitivity of this prediction to f_m. The program does not import flexaxis, but uses the protocol
-of binary blocks. `flexaxis new` writes similar programs in C and Octave.
+The estimator name in flexaxis is `pipe:python docs/examples/pipe_friction.py`. The program predicts
+the motor speed, and computes the sensitivity of the predicted speed to f_m. The program does not
+import flexaxis, but uses the binary pipe protocol of flexaxis. The command `flexaxis new` writes
+similar programs in C and Octave.
 """
 
 import struct
@@ -15,7 +16,7 @@ take, give = sys.stdin.buffer.read, sys.stdout.buffer.write
 
 
 def name():
-    """Read a name of 32 bytes, padded with zeros, from stdin."""
+    """Read a zero-padded name of 32 bytes from the standard input."""
     return take(32).rstrip(b"\0").decode()
 
 

@@ -6,13 +6,13 @@ MINE = "my_estimator.py:Mine"
 
 
 def test_my_estimator_keeps_the_rules():
-    """The class must satisfy all rules. On failure, the message lists the violated rules."""
+    """Test the estimator class. If the test fails, the message lists the violated rules."""
     rules = fx.check(MINE)
     broken = rules[[holds is False for holds in rules["holds"]]]
     assert broken.empty, broken.to_string()
 
 
 def test_my_change_is_no_regression():
-    """The class must not be worse than the base on 32 seeds of one scenario (about a minute)."""
+    """Test that the estimator is not worse than rpem-forgetting on 32 seeds of one scenario."""
     verdict = fx.compare("rpem-forgetting", MINE, scenarios="fm_step-v1", jobs=2)
     assert verdict.verdict != "worse", verdict

@@ -1,11 +1,11 @@
-"""A user-written estimator without imports from flexaxis: an unscented Kalman filter.
+"""An unscented Kalman filter as a user-written estimator without imports from flexaxis.
 
     flexaxis check docs/examples/ukf.py:Ukf
     flexaxis run headline --estimator ekf --estimator docs/examples/ukf.py:Ukf
 
 R. van der Merwe and E. A. Wan, *The square-root unscented Kalman filter for state and
-parameter-estimation*, ICASSP 2001. This file uses the covariance matrix
-instead of its square root, and alpha = 1.
+parameter-estimation*, ICASSP 2001. Unlike the filter in the paper, this filter propagates the
+covariance matrix instead of a square root of the matrix, and uses alpha = 1.
 """
 
 import numpy as np
@@ -15,7 +15,7 @@ SUBSTEPS = 2
 
 
 class Ukf:
-    """Estimate relative parameters (random walks) and the state of the axis in a joint filter."""
+    """Joint filter for the axis state and for relative parameters, modelled as random walks."""
 
     names = ("k_T", "1/J_a", "f_m")  # entries of theta
     output = "speed"  # meaning of y
@@ -34,12 +34,12 @@ class Ukf:
 
     @property
     def theta(self):
-        """Return the estimates of the parameters (3,)."""
+        """Return the parameter estimates (3,)."""
         return self.xi[:3] * self.start
 
     @property
     def covariance(self):
-        """Return the covariance of theta (3, 3)."""
+        """Return the covariance matrix (3, 3) of the parameter estimates."""
         return self.P[:3, :3] * np.outer(self.start, self.start)
 
     def step(self, u, y):
@@ -51,7 +51,10 @@ class Ukf:
         return theta
 
     def _measure(self, y):
-        """Update xi and P with the speed y. The speed is a state, so no sigma points are needed."""
+        """Update the estimate xi and the covariance P with the measured speed y.
+
+        The speed is a state variable, so the update needs no sigma points.
+        """
         residual = y - self.xi[5]
         self._learn_noise(residual)
         if self.samples < 20:  # too few samples to estimate the noise
@@ -63,9 +66,9 @@ class Ukf:
         self.P = self.P - variance * np.outer(gain, gain)
 
     def _learn_noise(self, residual):
-        """Estimate the noise variance over 2 s.
+        """Estimate the variance of the measurement noise with a time constant of 2 s.
 
-        Third differences of the residual remove the slow part, which is due to wrong parameters.
+        Third differences remove the slow part of the residual, which comes from wrong parameters.
         """
         self.last = np.append(self.last[1:], residual)
         self.samples += 1
@@ -77,7 +80,7 @@ class Ukf:
         self.noise = max(min(self.squares), 1e-300)
 
     def _move(self, u):
-        """Propagate sigma points through the sampled model, and take their mean and covariance."""
+        """Propagate sigma points through the sampled model, and update the mean and covariance."""
         sizes = np.sqrt(np.diag(self.P))
         units = np.where(sizes > 0, sizes, 1.0)  # scales P to a correlation matrix
         values, vectors = np.linalg.eigh(self.P / np.outer(units, units))
@@ -94,9 +97,10 @@ class Ukf:
         self.P *= np.outer(shrink, shrink)
 
     def _sampled(self, eta, x, u):
-        """Return the states (points, 5) after one sample for the parameters eta (points, 3).
+        """Return the states (points, 5) one sample later, for the parameters eta (points, 3).
 
-        The state is x = [twist motor-gear, twist gear-arm, speeds of motor, gear and arm].
+        The state x contains the motor-gear twist, the gear-arm twist, and the speeds of the motor,
+        the gear and the arm.
         """
         q = self.nominal
         k_T, inverse_J_a, f_m = (eta * self.start).T

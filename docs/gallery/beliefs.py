@@ -1,6 +1,6 @@
 """
-Hypotheses of glr around a fault: the probability of a jump in each parameter
-=============================================================================
+Probability of a jump in each parameter around a fault, computed by glr
+=======================================================================
 """
 
 import matplotlib.pyplot as plt

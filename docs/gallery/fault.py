@@ -1,10 +1,10 @@
 """
-Two estimators after a fault: motor friction rises by 50 % at 10 s
-==================================================================
+Two estimators after a 50 % increase in motor friction at 10 s
+==============================================================
 
-The method with a forgetting factor adapts all parameters with a memory of one second. `glr`
-determines which parameter jumped and when, and changes only the estimate of this parameter. The
-bands (±2σ) show the standard deviations that the estimators report.
+The method with a forgetting factor adapts all parameters with a memory of one second. The estimator
+`glr` determines which parameter jumped, and changes only the estimate of this parameter. The bands
+are ±2 standard deviations wide, according to the estimators.
 """
 
 import flexaxis as fx

@@ -1,6 +1,6 @@
 """
-A control loop in Python, with a fault during the run
-=====================================================
+A control loop in Python, with a fault at 10 s
+==============================================
 """
 
 import matplotlib.pyplot as plt

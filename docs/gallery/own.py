@@ -1,9 +1,9 @@
 """
-Your own estimator: the shipped method, with estimates smoothed over half a second
-==================================================================================
+A user-written estimator that smooths the estimates of a standard method
+========================================================================
 
-Your estimator may be any class with the members `names`, `output` and `step`. Figures and tables
-show the name of the class.
+Your own estimator can be any class with the members `names`, `output` and `step`. Figures and
+tables use the class name as the name of the estimator.
 """
 
 import flexaxis as fx
@@ -22,7 +22,7 @@ class Gentle:
         self.smooth, self.theta = smooth, None
 
     def step(self, u, y):
-        """Process u[k] and y[k], and return the estimates θ[k]."""
+        """Process the torque u[k] and the speed y[k], and return the estimates θ[k]."""
         new = self.inside.step(u, y)
         old = new if self.theta is None else self.theta
         self.theta = self.smooth * old + (1 - self.smooth) * new

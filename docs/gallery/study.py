@@ -1,6 +1,6 @@
 """
-Lag as a function of the size of the fault, in a study of nine runs
-===================================================================
+Lag as a function of the fault size in a study with nine runs
+=============================================================
 """
 
 import flexaxis as fx

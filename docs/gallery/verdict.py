@@ -1,6 +1,6 @@
 """
-Better, worse or undecided: the verdict on a change, scenario by scenario
-=========================================================================
+Verdict on an estimator change in two scenarios: better, worse or undecided
+===========================================================================
 """
 
 import flexaxis as fx

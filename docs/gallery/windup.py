@@ -1,6 +1,6 @@
 """
-Standstill: P winds up with forgetting, and regularisation limits it
-====================================================================
+Regularisation limits the windup of P during a standstill
+=========================================================
 
 From 10 to 30 s the axis is at rest, and forgetting divides $P$ by λ in every sample. If $P$ had no
 limit, the first measurements after the standstill could change the estimates by any amount. The

@@ -45,7 +45,7 @@ data = mujoco.MjData(model)
 
 
 def accelerations(twist_g, twist_a, speeds, torque):
-    """Return the accelerations (3,) of the masses for given twists, speeds and torque."""
+    """Return the accelerations (3,) of the three masses for given twists, speeds and torque."""
     phi_a = 0.0
     phi_g = phi_a + twist_a
     phi_m = (phi_g + twist_g) / r
@@ -59,7 +59,7 @@ columns = [accelerations(s[0], s[1], s[2:5], s[5]) for s in unit]
 engine = np.column_stack(columns)  # rows: accelerations; columns: x1 … x5, u
 equations = np.column_stack([A[2:], B[2:]])
 difference = np.abs(engine - equations).max() / np.abs(equations).max()
-print(f"largest difference of MuJoCo from A and B: {difference:.1e} of the largest matrix entry")
+print(f"largest relative difference between MuJoCo and the matrices A and B: {difference:.1e}")
 
 # %% The same motion
 # The torque is constant over each sample of 5 ms. The exact solution needs only one matrix
@@ -87,7 +87,7 @@ plt.show()
 
 # %% Check
 lower_mode = sorted(abs(p) for p in poles if abs(p.imag) > 1)[0]
-print(f"check: lower mode {lower_mode:.1f} rad/s, MuJoCo off by {deviation:.1e}")
-assert difference < 1e-12, "an entry of your A or B differs from the engine's"
+print(f"check: lower mode at {lower_mode:.1f} rad/s, relative error of MuJoCo {deviation:.1e}")
+assert difference < 1e-12, "your matrix A or B differs from the MuJoCo model"
 assert abs(lower_mode - 100.2) < 0.1
 assert deviation < 3e-4

@@ -1,4 +1,4 @@
-"""Lab 2: the gradient, and the frequencies that contain the information (equation 28)."""
+"""Lab 2: the prediction gradient, and the information at each frequency (equation 28)."""
 
 # %% Data
 # The record contains 40 s of data from the axis in closed loop, without faults.
@@ -22,7 +22,7 @@ model = three_mass(scenario.nominal.as_dict()).parametrize(names)
 y_hat, psi = predict(model, model.theta, record.torque, period=0.005)
 time_average = np.mean(psi[-4000:] ** 2, axis=0)  # two whole periods, 20 s, in steady state
 for name, power in zip(names, time_average, strict=True):
-    print(f"mean square of psi for {name:6s} {power:8.1f}")
+    print(f"mean square of the gradient for {name:6s} {power:8.1f}")
 
 # %% Is psi the derivative?
 # Always compare a gradient with finite differences before you use the gradient.
@@ -31,7 +31,7 @@ only_f_m = np.array([0, 0, step])
 up = predict(model, model.theta + only_f_m, record.torque, period=0.005)[0]
 down = predict(model, model.theta - only_f_m, record.torque, period=0.005)[0]
 error = np.abs((up - down) / (2 * step) - psi[:, 2]).max() / np.abs(psi[:, 2]).max()
-print(f"psi of f_m against a central difference: {error:.1e}")
+print(f"relative error of the gradient for f_m: {error:.1e}")
 
 # %% The same number from the spectrum
 # To evaluate equation (28), multiply the power of each spectral line of the torque by the squared
@@ -39,7 +39,7 @@ print(f"psi of f_m against a central difference: {error:.1e}")
 omega, power = line_spectrum(record.torque[-4000:], period=0.005)
 from_spectrum = np.diag(information(model, model.theta, omega, power, period=0.005))
 ratio = time_average / from_spectrum
-print("time average over sum of (28):", ratio.round(4))
+print("ratio of the time average to the sum (28):", ratio.round(4))
 
 # %% Contribution of each frequency
 # Question 1: which frequencies contain the information about J_a, and which frequencies contain the
@@ -52,16 +52,19 @@ for i, name in enumerate(names):
     plt.plot(omega, share[:, i], label=name)
 plt.xlim(0, 200)
 plt.xlabel("frequency [rad/s]")
-plt.ylabel("share of the information below this frequency")
+plt.ylabel("fraction of the information below this frequency")
 plt.legend()
 plt.show()
 half = {name: omega[np.searchsorted(share[:, i], 0.5)] for i, name in enumerate(names)}
 print(
-    "half of the information lies below [rad/s]:", {k: round(float(v), 1) for k, v in half.items()}
+    "frequency below which half of the information lies [rad/s]:",
+    {k: round(float(v), 1) for k, v in half.items()},
 )
 
 # %% Check
-print(f"check: ratios within {100 * np.abs(ratio - 1).max():.2f} % of one")
+print(f"check: the ratios differ from one by at most {100 * np.abs(ratio - 1).max():.2f} %")
 assert error < 1e-5
 assert np.abs(ratio - 1).max() < 0.01
-assert list(np.argsort(time_average)) == [0, 1, 2], "psi must be smallest for k_T, largest for f_m"
+assert list(np.argsort(time_average)) == [0, 1, 2], (
+    "the gradient must be smallest for k_T and largest for f_m"
+)

@@ -65,6 +65,6 @@ plt.show()
 # %% Check
 at = LAMBDAS.index(0.995)
 ratio = measured[at] / theory[at]
-print(f"check: at lambda 0.995 the measured deviation is {ratio:.2f} times the theoretical one")
+print(f"check: the measured std at lambda = 0.995 is {ratio:.2f} times the predicted std")
 assert 0.85 < ratio < 1.2
 assert np.all(np.diff(lag) > 0) and np.all(np.diff(measured) < 0), "a faster filter must be noisier"

@@ -1,4 +1,4 @@
-"""Lab 4: choose an entry of Delta for each parameter to get a desired tracking speed."""
+"""Lab 4: design the matrix Delta for a desired tracking speed of each parameter."""
 
 # %% The design rule
 # Covariance modification adds Delta to P in every sample (equation 10). In steady state
@@ -33,7 +33,7 @@ print(f"correlation of k_T and f_m: {correlation:.2f}")
 # two parameters is always 2 s.
 # Question 1: how do the noise of f_m and the noise of k_T change from design to design?
 def experiment(tau):
-    """Return times, predicted and measured errors of f_m after the fault (1000,), and the noise."""
+    """Return times, predicted and measured f_m errors after the fault (1000,), and the noise."""
     Delta = drift_for([2.0, 2.0, tau], Q, period=0.005)
     P = steady_P(Q, drift=Delta)
     after = T * np.arange(1000)
@@ -58,18 +58,21 @@ for tau, (after, predicted, measured, noise) in results.items():
     plt.plot(after, predicted, "--", color=line.get_color())
     lags[tau] = T * predicted.sum(), T * measured.sum()
     print(
-        f"tau {tau:3.1f} s: lag predicted {lags[tau][0]:.2f} s, measured {lags[tau][1]:.2f} s, "
-        f"noise {100 * noise:.2f} %"
+        f"tau = {tau:3.1f} s: predicted lag {lags[tau][0]:.2f} s, "
+        f"measured lag {lags[tau][1]:.2f} s, noise {100 * noise:.2f} %"
     )
 plt.xlabel("time after the fault [s]")
-plt.ylabel("error of f_m / size of the fault")
+plt.ylabel("error of f_m / fault size")
 plt.legend()
 plt.show()
 
 # %% Check
 ratio = lags[1.0][1] / lags[1.0][0]
 noises = [noise for *_, noise in results.values()]
-print(f"check: for tau = 1 s the lag is {lags[1.0][1]:.2f} s, {ratio:.2f} times the prediction")
+print(
+    f"check: for tau = 1 s the measured lag is {lags[1.0][1]:.2f} s, "
+    f"which is {ratio:.2f} times the predicted lag"
+)
 assert 0.9 < ratio < 1.4
 assert 0.8 < lags[1.0][1] < 1.6, "the lag must be close to the desired time constant"
 assert noises[0] > noises[1] > noises[2], "a faster design must be noisier"

@@ -1,4 +1,4 @@
-"""Lab 5, windup and mu: the behaviour of an estimator while the axis is at rest."""
+"""Lab 5: windup of an estimator while the axis is at rest, and the effect of mu."""
 
 # %% A pause
 # The axis moves for 10 s, is at rest for 20 s, and moves again. While the axis is at rest, the
@@ -25,7 +25,7 @@ truth = axis.parametrize(names).theta * [1, 1, 1.5]
 # Question 1: by what factor does P grow?
 # Question 2: at which value does equation (12) stop the growth of P?
 def run(mu):
-    """Return the largest eigenvalue of P (N,), and the estimates divided by true values (N, 3)."""
+    """Return the largest eigenvalue of P (N,), and the ratios of estimate to true value (N, 3)."""
     rpem = Rpem(
         axis,
         P0=known_P(names, forgetting=FORGETTING),
@@ -63,7 +63,10 @@ for mu, (largest, theta) in results.items():
 largest, theta = results[0.3]
 bound = (1 - FORGETTING) / 0.3
 bursts = [np.abs(t[restart : restart + 400, :2] - 1).max() for _, t in results.values()]
-print(f"check: peak of P / its bound {largest.max() / bound:.3f}, burst {bursts[-1]:.3f}")
+print(
+    f"check: the peak of P is {largest.max() / bound:.3f} times the bound, "
+    f"and the largest relative error is {bursts[-1]:.3f}"
+)
 assert 0.9 < largest.max() / bound <= 1 + 1e-9
 assert results[0.0][0].max() > 1e3 * bound, "without mu, P winds up"
 assert bursts[-1] < 0.1 < bursts[0]

@@ -1,4 +1,4 @@
-"""Lab 7: viscous and dry friction, which a linear model cannot distinguish."""
+"""Lab 7: viscous friction and dry friction, which a linear model cannot distinguish."""
 
 # %% Data
 # The friction of the motor is the sum of viscous friction, f_m v, and dry friction, f_c sign(v),
@@ -29,7 +29,7 @@ P0 = known_P(("k_T", "1/J_a", "f_m"), forgetting=0.995)
 
 
 def linear(record):
-    """Return the estimates of f_m (N,) that an estimator with a linear model computes."""
+    """Return the f_m estimates (N,) of an estimator with a linear model."""
     rpem = Rpem(three_mass(nominal), P0=P0, forgetting=0.995, period=T)
     return rpem.run(record.torque, record.speed)[:, 2]
 
@@ -52,7 +52,7 @@ for p, record in [(p, record) for p, several in records.items() for record in se
     hits += [f.parameters for f in knowing.findings] == [(p,)]
     print(f"{p} +50 % at 10 s; found: {', '.join(found)}")
 off = np.mean([theta[before] for theta in both["f_m"]], axis=(0, 1)) / [f_m, f_c] - 1
-print("before the fault, f_m is {:+.1f} % off, f_c {:+.1f} %".format(*100 * off))
+print("errors before the fault: f_m {:+.1f} %, f_c {:+.1f} %".format(*100 * off))
 
 # %% Figure
 figure, axes = plt.subplots(2, 2, sharex=True, sharey="row", layout="constrained")
@@ -80,7 +80,7 @@ plt.show()
 # the moves determine neither f_m nor f_c if certain other parameters are unknown. Which parameters
 # are these, and why?
 def least(scenario, record, unknown):
-    """Return the smallest possible std of f_m and f_c after 10 s [%], and their correlation."""
+    """Return the Cramér–Rao bounds of f_m and f_c after 10 s [%], and the error correlation."""
     theta = scenario.true_parameters()[0]
     model = true_model(scenario, theta).parametrize(unknown)
     at = model_theta(scenario, unknown, theta)
@@ -108,7 +108,10 @@ for label, run in motions.items():
         )
 
 # %% Check
-print(f"check: linear {seen / expected:.2f} times the expected error, {hits} of 6 faults named")
+print(
+    f"check: the error of the linear estimator is {seen / expected:.2f} times the expected error, "
+    f"and the other estimator identifies {hits} of 6 faults"
+)
 assert 0.9 < seen / expected < 1.25
 assert np.abs(off).max() < 0.03
 assert hits >= 5

@@ -54,7 +54,10 @@ axis.legend()
 # slowest estimator must recover less than the other estimators.
 told = rows["f_m"]["recovered_told"].iloc[0]
 least = min(worths[p][:-1].min() - worths[p][-1] for p in scenarios)
-print(f"check: true values recover {told:.0f} %, the slowest {least:.0f} % less than others")
+print(
+    f"check: the true values recover {told:.0f} % of the loss, and the slowest estimator recovers "
+    f"at least {least:.0f} % less than the others"
+)
 assert told > 90
 assert least > 0
 plt.show()

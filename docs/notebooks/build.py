@@ -1,7 +1,8 @@
-"""Build each notebook NAME.ipynb of this folder from its source NAME.py with cells after `# %%`.
-The script runs each notebook from top to bottom in an empty folder, and stores the notebook with
-its printed output and figures. Progress messages and paths are omitted, so a new build of an
-unchanged notebook differs only in the figures.
+"""Build each notebook NAME.ipynb in this folder from the source file NAME.py.
+
+In a source file, the line `# %%` starts a cell. The script runs each notebook from top to bottom in
+an empty folder, and stores the notebook with the printed output and the figures. The script omits
+progress messages and paths, so a new build of an unchanged notebook differs only in the figures.
 
     python docs/notebooks/build.py [NAME …]
 """
@@ -36,7 +37,7 @@ COLOURS = 96  # number of colours in a stored figure; enough for lines and bands
 
 
 def source(path: Path) -> NotebookNode:
-    """Return a notebook without output from its source file."""
+    """Read a source file, and return the notebook without output."""
     book = jupytext.read(path)
     for place, cell in enumerate(book.cells):
         cell["id"], cell["metadata"] = f"cell-{place}", {}
@@ -45,7 +46,7 @@ def source(path: Path) -> NotebookNode:
 
 
 def run(path: Path, folder: Path) -> NotebookNode:
-    """Run the notebook of a source file in a folder, and return the notebook with its output."""
+    """Run a notebook source file in a folder, and return the notebook with the output."""
     book, inside = source(path), dict(os.environ)
     os.environ.update(PLAIN)
     # In a notebook, `!flexaxis` must run the program of this Python environment.
@@ -73,7 +74,7 @@ def _is_progress(output: NotebookNode) -> bool:
 
 
 def _small(output: NotebookNode) -> NotebookNode:
-    """Return an output with normalised line endings, and with fewer colours in figures."""
+    """Return a cell output with normalised line endings, and with fewer colours in figures."""
     if output.output_type == "stream":
         output["text"] = output.text.replace("\r\n", "\n")
     data = output.get("data", {})
@@ -87,7 +88,7 @@ def _small(output: NotebookNode) -> NotebookNode:
 
 
 def main(names: list[str]) -> None:
-    """Run and write the notebooks with the given names, or all notebooks if there are no names."""
+    """Run and write the named notebooks, or all notebooks if no names are given."""
     for path in [p for p in SOURCES if not names or p.stem in names]:
         begun = time.monotonic()
         with tempfile.TemporaryDirectory() as folder:

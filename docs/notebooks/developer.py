@@ -36,7 +36,7 @@ plt.rcParams["figure.dpi"] = 90
 
 # %%
 class TwoSpeeds:
-    """Run two filters with different memories, and use the faster filter while they disagree."""
+    """Run a fast and a slow filter, and use the fast filter while the filters disagree."""
 
     names = ("k_T", "1/J_a", "f_m")
     knob = "forgetting"

@@ -147,7 +147,7 @@ _ = many.plot()
 # %%
 f_c = many.table["f_c"].to_numpy()
 error = f_c / f_c.mean() - np.array(true) / np.mean(true)
-print(f"estimates against the truth: {100 * error.std():.2f} % from day to day")
+print(f"scatter of the estimation error from day to day: {100 * error.std():.2f} %")
 
 # %% [markdown]
 # To continue with your own axis, read [logs.md](../logs.md), which explains `import`, `identify` and `track`, and

@@ -30,14 +30,14 @@ plt.rcParams["figure.dpi"] = 90
 
 # %%
 def reference(t):
-    """Return the desired motor speed [rad/s] at a time [s]."""
+    """Return the desired motor speed [rad/s] at the time t [s]."""
     return sum(
         2.2 * np.sin(2 * np.pi * f * t + f**2) for f in (0.3, 1.1, 2.3, 5.9, 11.3, 15.7, 16.3, 24.1)
     )
 
 
 def close_the_loop(axis, *, Kp=0.1, Ki=0.4):
-    """Return the torque [N m] and the measured speed [rad/s] of a whole run, (N,) each."""
+    """Run the control loop, and return the torque [N m] and the speed [rad/s], (N,) each."""
     torque, speed, integral = [], [], 0.0
     while True:
         e = reference(axis.sample.time) - axis.sample.speed
@@ -81,7 +81,7 @@ model = three_mass(fx.make_axis("fm_step-v1").scenario.nominal.as_dict())
 
 
 def identified(u, y, forgetting):
-    """Return the estimates (N, 3) relative to the nominal values."""
+    """Return the parameter estimates (N, 3), divided by the nominal values."""
     P0 = np.diag([2.97e-4, 5.19e-5, 4.69e-6]) * (1 - forgetting) / 0.005
     rpem = Rpem(model, identify=names, P0=P0, forgetting=forgetting, period=0.005)
     return rpem.run(u, y) / model.parametrize(names).theta
@@ -141,7 +141,7 @@ plt.show()
 
 # %%
 slope = np.polyfit(np.log(nu), np.log(std), 1)[0]
-print(f"check: std grows as ν to the power of {slope:.2f}; the theory predicts 0.5")
+print(f"check: the std is proportional to ν to the power {slope:.2f}, and the theory predicts 0.5")
 assert 0.4 < slope < 0.65
 
 # %% [markdown]

@@ -46,7 +46,7 @@ pygments_style, pygments_dark_style = "friendly", "github-dark"
 
 
 def setup(app):
-    """Register the generation of the reference pages, and a renderer of formulas as MathML.
+    """Register the generator of the reference pages, and the MathML renderer for formulas.
 
     MathML needs neither scripts nor a network connection.
     """

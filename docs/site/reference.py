@@ -1,4 +1,4 @@
-"""Generate the reference pages on commands, catalogue, estimators and scores from the package."""
+"""Generate the reference pages on commands, scenarios, estimators and scores from the code."""
 
 import argparse
 from pathlib import Path
@@ -35,7 +35,7 @@ def table(heads, rows):
 
 
 def commands():
-    """Yield the sections of the page on commands: the help text of each command."""
+    """Yield the sections of the commands page, with the help text of each command."""
     yield "# Commands"
     subs = next(a for a in parser()._actions if isinstance(a, argparse._SubParsersAction))
     for name, sub in subs.choices.items():
@@ -43,8 +43,8 @@ def commands():
 
 
 def catalogue():
-    """Yield the sections of the catalogue: a table of each group of scenarios, and the suites."""
-    yield "# Catalogue\n\n`flexaxis show NAME` prints a scenario with all its values."
+    """Yield the sections of the catalogue page, with tables of the scenarios and suites."""
+    yield "# Catalogue\n\nThe command `flexaxis show NAME` prints all settings of a scenario."
     scenarios = [find_scenario(name) for name in scenario_names()]
     for group, words in GROUPS.items():
         rows = [
@@ -58,7 +58,7 @@ def catalogue():
 
 
 def estimators():
-    """Yield the sections of the page on estimators: a table of each estimator's options."""
+    """Yield the sections of the estimators page, with an option table for each estimator."""
     yield "# Options of the estimators"
     for entry in REGISTRY.values():
         rows = [[f"`{name}`", f"`{value!r}`", x] for name, (value, x) in options(entry).items()]
@@ -68,6 +68,6 @@ def estimators():
 
 
 def scores():
-    """Yield the page on scores: a table with the unit and definition of each score."""
+    """Yield the scores page, with a table of the units and definitions of all scores."""
     rows = [[f"`{s.name}`", s.unit or "", s.better or "", s.words] for s in SCORES.values()]
     yield "# Scores\n\n" + table(["score", "unit", "better", "definition"], rows)

@@ -132,7 +132,7 @@ class Drawing:
         return section | {"figures": drawn, "table": table} | self._runs(name)
 
     def _runs(self, name: str) -> dict[str, Any]:
-        """Return a figure and a table of the single runs of a scenario, with the worst run first."""
+        """Return a figure and a table of the single runs of a scenario, worst runs first."""
         runs = self.runs.sort_values(["changed", "diverged", "lag", "std"], ascending=False)
         runs = runs[runs["scenario"] == name].drop_duplicates(["estimator", "seed"])
         shown = runs.groupby("estimator").head(MANY)
