@@ -1,4 +1,4 @@
-"""The description of a scenario: its purpose, its events and its defined scores."""
+"""Describe a scenario in words: its purpose, its faults and its defined scores."""
 
 import inspect
 import re
@@ -14,7 +14,7 @@ from flexaxis.sim.scenario import Scenario
 
 
 def reference_card(scenario: Scenario) -> dict[str, str]:
-    """Return the description of a scenario, keyed by heading."""
+    """Return the description of a scenario in words, keyed by heading."""
     from flexaxis.experiments.scoring.bounds import bounded  # slow to import
 
     names = ", ".join(bounded(scenario, scenario.identify))
@@ -25,37 +25,37 @@ def reference_card(scenario: Scenario) -> dict[str, str]:
         "happens": happens(scenario),
         **{heading: "; ".join(texts) or "nothing" for heading, texts in _parts(scenario).items()},
         "estimated": ", ".join(scenario.identify),
-        "bound": f"defined for {names}" if names else "none, so no score is defined",
+        "bound": f"defined for {names}" if names else "undefined, so there are no scores",
     }
 
 
 def happens(scenario: Scenario) -> str:
-    """Return a line of text with the faults and other changes of a scenario."""
+    """Describe the faults and other parameter changes of a scenario in one line of text."""
     words = [fault.in_words() for fault in scenario.fault]
     words += [f"no fault: {change.in_words()}" for change in scenario.nuisance or ()]
     estimated = {physical(name)[0] for name in scenario.identify}
     if scenario.fault and not estimated & {fault.parameter for fault in scenario.fault}:
         words.append("not estimated")
     if scenario.onset_spread is not None:
-        words.append(f"onset drawn for each seed, ± {scenario.onset_spread:g} s")
+        words.append(f"random onset time for each seed, ± {scenario.onset_spread:g} s")
     return "; ".join(words) or "no fault"
 
 
 def in_a_line(scenario: Scenario) -> str:
-    """Return a line with a scenario's faults and its differences from a default scenario."""
+    """Describe the faults of a scenario and its differences from the default in one line."""
     usual = _parts(Scenario(name="usual", duration=20.0))
     parts = (t for name, texts in _parts(scenario).items() for t in texts if t not in usual[name])
     return "; ".join([happens(scenario), *parts])
 
 
 def _parts(scenario: Scenario) -> dict[str, list[str]]:
-    """Return the parts of a scenario, keyed by heading.
+    """Return descriptions of the tables of a scenario, keyed by heading.
 
     The heading "unmodelled" contains the effects that the linear model does not describe.
     """
     s, tables = scenario, scenario.tables.values()
     sensors = [words for table in tables if table.exact and (words := table.in_words())]
-    sensors += ["controller uses the measured angle"] * (s.feedback == "measured")
+    sensors += ["the controller uses the measured angle"] * (s.feedback == "measured")
     unmodelled = [table.in_words() for table in tables if not table.exact]
     unmodelled += [f"known {name} × {factor:g}" for name, factor in s.known_factors.items()]
     unmodelled += [f"known values wrong by {100 * s.spread:g} %"] * (s.spread > 0)
@@ -72,18 +72,18 @@ def _parts(scenario: Scenario) -> dict[str, list[str]]:
 
 
 def show(name: str) -> tuple[dict[str, Any], list[str]]:
-    """Return all values of a scenario, a suite or an estimator, as a dict and as lines of text.
+    """Return the content of a scenario, a suite or an estimator, as a dict and as lines of text.
 
     Parameters
     ----------
     name : str
-        Name of a scenario, suite or estimator, or path of a scenario file. For a scenario, the
-        lines contain the description and the scenario as TOML.
+        Name of a scenario, suite or estimator, or path of a scenario file. The text lines of a
+        scenario contain its description and its TOML file.
 
     Raises
     ------
     ScenarioError
-        If no scenario, suite or estimator has this name.
+        If no scenario, suite or estimator has the name `name`.
     """
     if name in REGISTRY:
         entry = REGISTRY[name]
@@ -102,7 +102,7 @@ def show(name: str) -> tuple[dict[str, Any], list[str]]:
 
 
 def options(entry: Entry) -> dict[str, tuple[Any, str]]:
-    """Return the default and the meaning of each option of a registered estimator."""
+    """Return the default value and the description of each option of a registered estimator."""
     sources = [entry.make, REGISTRY["ekf"].make, Rpem, Problem]
     text = "\n".join(inspect.getdoc(getattr(each, "func", each)) or "" for each in sources)
     result: dict[str, str] = {}

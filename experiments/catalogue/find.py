@@ -1,6 +1,7 @@
 """Find scenarios and suites in the catalogue by name or path, and list them.
 
-Slow modules are imported only after the names are checked, so a typo is reported at once.
+Slow modules are imported only after all names have been checked. Therefore a misspelt name causes
+an immediate error.
 """
 
 from __future__ import annotations
@@ -22,27 +23,27 @@ HOME = Path(str(files("flexaxis.experiments.catalogue")))
 HASHES = "hashes.toml"
 STREAMS = "streams.toml"
 DRAWN = "-v2"
-"""Suffix of the scenarios that draw the time of the fault (onset) for each seed."""
+"""Suffix of the names of scenarios with a random fault onset for each seed."""
 SPREAD = 3.0  # `onset_spread` of every scenario with the suffix -v2 [s]
 SCORED = 5.0  # shortest time from the latest possible onset in -v2 to the end of the run [s]
 
 GROUPS = {
     "nominal": "nothing happens",
     "steps": "one parameter jumps",
-    "wear": "one parameter changes over seconds",
-    "intermittent": "one parameter jumps back and forth",
+    "wear": "one parameter changes within seconds",
+    "intermittent": "one parameter alternates between two values",
     "several": "several changes",
-    "excitation": "motions other than the full multisine",
-    "sensors": "sensor errors, and delays between the axis and its log",
+    "excitation": "references other than the default multisine",
+    "sensors": "sensor errors and signal delays",
     "mismatch": "effects that the linear model does not describe",
-    "nuisance": "changes that are not faults",
-    "known": "faults on axes with errors in the assumed parameters",
-    "drives": "commercial drives with their own friction and faults",
-    "control": "the controller uses the estimates",
-    "chains": "axes with a different number of masses",
+    "nuisance": "parameter changes that are not faults",
+    "known": "faults on axes with wrong assumed parameter values",
+    "drives": "faults on commercial drives with published friction",
+    "control": "the controller uses the parameter estimates",
+    "chains": "axes that do not have three masses",
     "ground": "conditions under which good estimators have failed",
 }
-"""Descriptions of the groups in the catalogue. `flexaxis list` uses the same order."""
+"""Descriptions of the scenario groups in the catalogue, in the order of `flexaxis list`."""
 
 FAULTS = {
     "worn or dry motor bearing, dragging brake": "f_m",
@@ -58,17 +59,17 @@ FAULTS = {
     "part added to the motor shaft": "J_m",
     "part added to the gear": "J_g",
 }
-"""Parameter that changes with each physical fault, keyed by the description of the fault."""
+"""Name of the parameter that each physical fault changes, keyed by a description of the fault."""
 
 Line = dict[str, str]
 
 
 @dataclass(frozen=True)
 class Suite:
-    """The scenarios, estimators and number of seeds of a benchmark.
+    """A suite defines the scenarios, the estimators and the number of seeds of a benchmark.
 
-    The scenarios are names or, in the result of `select`, Scenario objects. The
-    `swept_estimators` are compared at equal noise on the `swept_scenarios`.
+    The field `scenarios` contains names or, in a suite from `select`, Scenario objects. A benchmark
+    compares the `swept_estimators` at equal noise on the `swept_scenarios`.
     """
 
     name: str
@@ -86,18 +87,18 @@ def names_in(folder: str) -> list[str]:
 
 
 def scenario_names() -> list[str]:
-    """Return the names of the scenarios, except those with a drawn onset (-v2)."""
+    """Return the names of all scenarios except scenarios with a random onset (suffix -v2)."""
     return names_in("scenarios")
 
 
 def suite_names() -> list[str]:
-    """Return the names of the suites."""
+    """Return the names of all suites."""
     return names_in("suites")
 
 
 @cache
 def hashes() -> dict[str, str]:
-    """Return the frozen hash of each scenario, keyed by name."""
+    """Return the frozen hash of each scenario, keyed by scenario name."""
     return _tables(HASHES)
 
 
@@ -106,12 +107,12 @@ def _tables(place: str) -> dict[str, Any]:
 
 
 def full_name(name: str) -> str:
-    """Return the full name of a scenario. A name without a suffix gets the suffix -v1."""
+    """Return the full name of a scenario, which has the suffix -v1 by default."""
     return f"{name}-v1" if f"{name}-v1" in hashes() else name
 
 
 def check_names(names: Iterable[str]) -> None:
-    """Raise a ScenarioError with one line for each name that is not a scenario, suite or file."""
+    """Raise a ScenarioError with one line for each name without a scenario, suite or file."""
     known = {*hashes(), *suite_names()}
     if wrong := [n for n in names if full_name(n) not in known and not Path(n).is_file()]:
         raise ScenarioError(*map(_unknown, wrong))
@@ -119,26 +120,27 @@ def check_names(names: Iterable[str]) -> None:
 
 def _unknown(name: str) -> str:
     if name in suite_names():
-        return f"{name} is a suite; use one of its scenarios (`flexaxis show {name}` lists them)"
+        return f"{name} is a suite; use one of its scenarios (see `flexaxis show {name}`)"
     if name.endswith(".toml"):
         return f"{name}: no such file"
     hint = did_you_mean(name, [*suite_names(), *scenario_names()])
     return (
-        f"unknown scenario {name!r}.{hint} `flexaxis list` shows the catalogue. The path of a TOML "
-        "file also works"
+        f"unknown scenario {name!r}.{hint} `flexaxis list` shows all scenarios. You can also use "
+        "the path of a TOML file"
     )
 
 
 def find_scenario(name: str) -> Scenario:
-    """Return the scenario with a given name in the catalogue, or with a given TOML file.
+    """Return the scenario with a given name in the catalogue, or read a scenario from a TOML file.
 
-    A name without a suffix means the version -v1. The version -v2 draws the onset for each seed.
+    A scenario name without a suffix means version -v1. Version -v2 of a scenario has a random fault
+    onset for each seed.
 
     Raises
     ------
     ScenarioError
-        If neither the name nor the file exists, if the file contains errors, or if the content of a
-        scenario in the catalogue does not match the frozen hash of its name.
+        If neither the name nor the file exists, or if the file contains errors. The function also
+        raises this error if a scenario in the catalogue does not match its frozen hash.
     """
     from flexaxis.sim.scenario import load_scenario, scenario_from
 
@@ -158,28 +160,28 @@ def find_scenario(name: str) -> Scenario:
 
 
 def _frozen(scenario: Scenario, name: str) -> Scenario:
-    """Return the scenario if the hash of its content is equal to the frozen hash of its name.
+    """Return a scenario if the hash of its content is equal to its frozen hash.
 
-    Without this check, results of a changed scenario could be pooled with stored results of the
+    Without this check, results of a changed scenario could be combined with stored results of the
     original scenario.
     """
     frozen_hash, result = hashes().get(name), scenario.hash[:16]
     if frozen_hash is None:
         raise ScenarioError(
-            f"{name}: not frozen yet. When the scenario is final, add the line "
-            f'"{name}" = "{result}" to {HOME / HASHES}. Until then, give the path of its file'
+            f"{name}: the scenario has no frozen hash. When the scenario is final, add the line "
+            f'"{name}" = "{result}" to {HOME / HASHES}. Until then, use the path of its file'
         )
     if frozen_hash != result:
         raise ScenarioError(
             f"{name}: the content has the hash {result}, but the frozen hash is {frozen_hash}. "
-            "Give a changed scenario a new name. (A new key of Scenario needs the default None, "
-            "which leaves hashes unchanged.)"
+            "Use a new name for a changed scenario. If you have added a key to Scenario, set its "
+            "default to None, which does not affect hashes."
         )
     return scenario
 
 
 def find_suite(name: str) -> Suite:
-    """Return the suite with a given name; "all" in its file stands for all estimators."""
+    """Return the suite with a given name; "all" in the suite file means all estimators."""
     from flexaxis.estimators.registry import REGISTRY
 
     table = _tables(f"suites/{name}.toml")
@@ -191,10 +193,10 @@ def find_suite(name: str) -> Suite:
 
 
 def _members(table: dict[str, Any]) -> list[str]:
-    """Return the names of a suite's scenarios, given the table in the suite's file.
+    """Return the names of the scenarios in a suite, given the content of the suite file.
 
-    The table contains groups, groups to exclude, or the names of scenarios. For a group, the result
-    contains version -v2 of each scenario, or version -v1 if there is no -v2.
+    A suite file contains groups, excluded groups, or the names of scenarios. The suite contains
+    version -v2 of each scenario in a group, or version -v1 if version -v2 does not exist.
     """
     if "groups" not in table and table["scenarios"] != "all":
         return list(table["scenarios"])
@@ -205,21 +207,22 @@ def _members(table: dict[str, Any]) -> list[str]:
 
 
 def select(names: Any, *, default: str = "smoke") -> Suite:
-    """Return one suite that contains all given scenarios and the scenarios of all given suites.
+    """Combine all given scenarios and the scenarios of all given suites in one suite.
 
     Parameters
     ----------
     names : str, Path, Scenario, or several of them
-        Names of suites, names of scenarios, paths of TOML files and scenarios, in any combination.
+        Names of suites, names of scenarios, paths of scenario files and Scenario objects, in any
+        combination.
     default : str
-        Name of the suite that provides the estimators and the number of seeds if `names` does not
-        contain a suite.
+        Name of a suite. If `names` does not contain a suite, this suite determines the estimators
+        and the number of seeds.
 
     Raises
     ------
     ScenarioError
-        If a name does not exist or a file is invalid. For unknown names, the message contains one
-        line per name.
+        If a name does not exist or a file is invalid. The error message contains one line for each
+        unknown name.
     """
     names = names if isinstance(names, list | tuple | set) else [names]
     texts = [str(name) for name in names if isinstance(name, str | Path)]
@@ -231,7 +234,7 @@ def select(names: Any, *, default: str = "smoke") -> Suite:
             scenario = find_scenario(str(each)) if isinstance(each, str | Path) else each
             result.setdefault((scenario.name, scenario.hash), scenario)
     if not result:
-        raise ScenarioError("give at least one scenario, such as fm_step")
+        raise ScenarioError("there is no scenario: use at least one scenario, such as fm_step")
     first = (*suites.values(), find_suite(default))[0]
     swept = [find_scenario(name) for name in first.swept_scenarios] if suites else []
     name = ", ".join(getattr(each, "name", str(each)) for each in names)
@@ -239,21 +242,21 @@ def select(names: Any, *, default: str = "smoke") -> Suite:
 
 
 def scenarios(*, group: str = "", find: str = "") -> list[Line]:
-    """Return the name, group, difficulty, faults and description (card) of each scenario.
+    """Return the name, group, difficulty, faults and description (card) of all listed scenarios.
 
-    The entry for the faults contains the names of the parameters that change.
+    The entry ``faults`` of a scenario contains the names of the parameters that change.
 
     Parameters
     ----------
     group : str
-        Group to list (default: all groups).
+        Name of the scenario group to list (default: all groups).
     find : str
-        Text that the listed scenarios contain. The search ignores case.
+        Text that every listed scenario must contain. The search ignores case.
 
     Raises
     ------
     FlexaxisError
-        If the group does not exist.
+        If no scenario group has the name `group`.
     """
     if group and group not in GROUPS:
         raise FlexaxisError(unknown("group", group, GROUPS))
@@ -272,13 +275,13 @@ def _with(find: str, lines: list[Line]) -> list[Line]:
 
 
 def suites(find: str = "") -> list[Line]:
-    """Return the name and description (card) of each suite that contains a given text."""
+    """Return the name and the description (card) of each suite that contains a given text."""
     lines = [{"name": n, "card": _tables(f"suites/{n}.toml")["card"]} for n in suite_names()]
     return _with(find, lines)
 
 
 def faults(find: str = "") -> list[Line]:
-    """Return each physical fault, the parameter that it changes, and its scenarios."""
+    """Return all physical faults, with the changed parameter and the scenarios of each fault."""
     lines = scenarios()
     result = []
     for fault, parameter in FAULTS.items():

@@ -1,7 +1,9 @@
-"""The live axis: a simulation session, and its page in the browser.
+"""The live demo: a simulated axis with two estimators, shown on a web page.
 
-`session` simulates the axis (`axis`), runs two estimators on its data (`racer`), and records how
-the estimators track each change (`tracking`). `page` draws the session, and `serve` makes the page
-available on this computer only. Clicks, or a lesson file with timed actions, control a session.
-`view` draws an axis without a browser.
+The module `axis` simulates the axis, `racer` runs an estimator on the measured signals, and
+`tracking` records how the estimators track each parameter change. The module `session` combines the
+modules `axis`, `racer` and `tracking`. The module `page` draws the web page, and `serve` starts a
+server for this page. Only browsers on the same computer can open the page. A user controls the demo
+with clicks or with a lesson file, which contains timed actions. The module `view` draws an axis
+without a browser.
 """

@@ -1,4 +1,4 @@
-"""Simulate the axis in closed loop. Parameters, friction, sensor and excitation can be changed."""
+"""Simulate the axis in closed loop, with changes of parameters, friction, sensor and reference."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -29,47 +29,47 @@ FRICTION: Mapping[str, Mapping[str, Any]] = {
         }
     },
 }  # fmt: skip
-"""Scenario tables for each choice of dry friction, keyed by the name of the choice.
+"""Scenario tables for each friction model that a user can choose, keyed by label.
 
-For comparison, the rms torque of the motor is 0.85 N m.
+For comparison, the root-mean-square motor torque is 0.85 N m.
 """
 
 SENSORS: Mapping[str, Mapping[str, Any]] = {
     "speed with noise": {},
     "encoder, 2048 counts": {"output": "angle", "encoder": {"counts": 2048}},
 }
-"""Scenario keys for each choice of the motor sensor, keyed by the name of the choice.
+"""Scenario keys for each motor sensor that a user can choose, keyed by label.
 
-An encoder rounds the motor angle to the nearest count and has no other noise.
+The encoder rounds the motor angle to the nearest count, but adds no noise.
 """
 
 EXCITATION = ("on", "stop-and-go", "off")
 SPELL = 10.0
-"""Length of each motion and each standstill in the mode "stop-and-go" [s]."""
+"""Duration of each motion and of each standstill in the mode "stop-and-go" [s]."""
 
 
 class LiveAxis:
-    """An axis in closed loop that is simulated step by step.
+    """An axis in closed loop, which is simulated step by step.
 
     Parameters
     ----------
     seed : int
-        Random seed of the reference phases and the noise. The same seed and the same actions give
-        the same run.
+        Random seed of the reference and of the noise. The simulation gives the same results for the
+        same seed and the same user actions.
 
     Attributes
     ----------
     nominal, parameters : AxisParameters
-        Parameters without a fault, and current parameters.
+        Nominal parameters, and current parameters including all faults.
     scenario : Scenario
-        Scenario that contains the current dry friction and the current sensor.
+        Scenario with the current friction model and the current sensor.
     samples : int
-        Number of samples simulated so far.
+        Number of samples that have been simulated.
     noise : float
-        Standard deviation of the noise of the measured speed [rad/s].
+        Standard deviation of the motor speed noise [rad/s].
     excitation : {"on", "stop-and-go", "off"}
-        Mode of the reference: motion, alternation between motion and standstill, or standstill. At
-        standstill, the reference keeps its last value.
+        Mode of the reference. With "on", the reference moves. With "stop-and-go", motion and
+        standstill alternate. With "off", the reference keeps its last value.
     """
 
     def __init__(self, *, seed: int = 0) -> None:
@@ -91,23 +91,23 @@ class LiveAxis:
 
     @property
     def output(self) -> str:
-        """Name of the signal that the estimators receive: speed or angle."""
+        """Name of the measured signal that the estimators receive, either speed or angle."""
         return self.scenario.output
 
     @property
     def variance(self) -> float:
-        """Variance of the noise of the signal that the estimators receive."""
+        """Noise variance of the measured signal that the estimators receive."""
         return self.noise**2 if self.output == "speed" else noise_variance(self.scenario)
 
     @property
     def excited(self) -> bool:
-        """Whether the reference moves in the next sample."""
+        """Whether the reference moves during the next sample."""
         going = self.time // SPELL % 2 == 0
         return self.excitation == "on" or (self.excitation == "stop-and-go" and going)
 
     @property
     def angles(self) -> Array:
-        """Angles of motor, gear and arm (3,) [rad]."""
+        """Angles (3,) of motor, gear and arm [rad]."""
         angles: Array = self._plant.angles[0].copy()
         return angles
 
@@ -119,7 +119,7 @@ class LiveAxis:
 
     @property
     def values(self) -> Array:
-        """Current values (P,) of the parameters, in the order of `Scenario.parameter_names`."""
+        """Current parameter values (P,), in the order of `Scenario.parameter_names`."""
         return np.array([*self.parameters.values(), *self.scenario.laws.values()])
 
     def theta(self, names: Sequence[str]) -> Array:
@@ -128,9 +128,9 @@ class LiveAxis:
         return true_theta(names, np.array([*values.values()]), tuple(values))
 
     def set_factors(self, factors: Mapping[str, float]) -> None:
-        """Set some parameters to multiples of their nominal values, and all others to nominal.
+        """Set some parameters to multiples of their nominal values, and reset all other parameters.
 
-        `factors` contains the multiples, keyed by parameter.
+        Each entry of `factors` is the ratio of a new parameter value to the nominal value.
         """
         values = {n: v * factors.get(n, 1.0) for n, v in self.nominal.as_dict().items()}
         parameters = AxisParameters(**values)
@@ -138,17 +138,17 @@ class LiveAxis:
         self.parameters = parameters
 
     def set_friction(self, kind: str) -> None:
-        """Change the dry friction to an entry of `FRICTION`, without changing angles and speeds."""
+        """Replace the friction model by an entry of `FRICTION`; keep all angles and speeds."""
         self._friction = FRICTION[kind]
         self._build()
 
     def set_sensor(self, kind: str) -> None:
-        """Change the sensor of the motor to an entry of `SENSORS`."""
+        """Replace the motor sensor by an entry of `SENSORS`."""
         self._sensor = SENSORS[kind]
         self._build()
 
     def _build(self) -> None:
-        """Build the plant with the current friction, without changing angles and speeds."""
+        """Build the plant with the current friction model, without changing angles and speeds."""
         content = {
             "name": "live",
             "duration": 1.0,
@@ -165,13 +165,13 @@ class LiveAxis:
             self._plant.angles[:], self._plant.speeds[:] = old.angles, old.speeds
 
     def advance(self, samples: int) -> tuple[Array, Array, NDArray[np.bool_]]:
-        """Simulate the next samples. `samples` is the number of samples.
+        """Simulate the axis for a number of samples.
 
         Returns
         -------
         torque, measured, excited : ndarray (samples,)
-            Torque [N m], measured speed [rad/s] or angle [rad], and whether the reference moves at
-            each sample.
+            Torque [N m], measured speed [rad/s] or measured angle [rad], and True at each sample
+            with a moving reference.
         """
         torque, speed, angle = np.empty((3, samples))
         excited = np.empty(samples, bool)

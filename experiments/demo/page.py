@@ -1,4 +1,4 @@
-"""The page of the demo, with the axis in 3-D, buttons, sliders, curves and tables."""
+"""The web page of the demo: the axis in 3-D, buttons, sliders, plots and tables."""
 
 import threading
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -29,29 +29,30 @@ EDGE = "± 2σ"
 SHARE = {"range": (0.0, 1.1)}
 SINCE = {"time": False, "distr": 3, "range": (PERIOD, LENGTH * PERIOD)}
 TWIST = 100.0
-"""Magnification of the joint twist in the picture."""
+"""Magnification of the joint twist in the 3-D drawing."""
 LATEST = 8
-"""Number of changes that the table shows. The latest change comes first."""
+"""Number of parameter changes in the table; the latest change comes first."""
 
 
 class Page:
-    """The page of a session. A lock prevents clicks from interfering with the simulation.
+    """The web page of a session; a lock prevents clicks from interfering with the simulation.
 
     Parameters
     ----------
     server : viser.ViserServer
-        Server that displays the page.
+        Server that displays the web page.
     session : DemoSession
-        Session that the page shows and controls.
+        Session that the web page shows and controls.
     acts : list of dict
-        Timed actions of a lesson, as `flexaxis.experiments.demo.serve.load_lesson` returns them.
+        Timed actions of a lesson, as returned by `flexaxis.experiments.demo.serve.load_lesson`.
 
     Attributes
     ----------
     paused : bool
-        Whether a viewer has paused the session.
+        Whether a user has paused the simulation.
     steps : int
-        Number of requested single steps (`MARK` samples each) that have not been simulated yet.
+        Number of single steps (`MARK` samples each) that a user has requested and that are still
+        pending.
     """
 
     def __init__(self, server: Any, session: DemoSession, acts: list[dict[str, Any]]) -> None:
@@ -68,7 +69,7 @@ class Page:
         self._add_curves()
 
     def advance(self, samples: int) -> None:
-        """Simulate the next samples, then perform the actions of the lesson that are due."""
+        """Simulate the next samples, and then perform all due actions of the lesson."""
         with self._lock:
             self._session.advance(samples)
             while self._acts and self._acts[0]["at"] <= self._session.axis.time:
@@ -86,7 +87,7 @@ class Page:
             self._scene.update_from_mjdata(data)
 
     def draw_curves(self) -> None:
-        """Update the curves, the clock and the tables."""
+        """Update the plots, the clock and the tables on the web page."""
         with self._lock:
             session, curves = self._session, self._session.curves()
             clock = f"**t = {session.axis.time:.1f} s**{' · paused' * self.paused}"
@@ -158,7 +159,7 @@ class Page:
     def _on(
         self, control: Any, action: str, *values: str, then: Callable[[], None] = lambda: None
     ) -> None:
-        """Call an action of the session whenever a viewer sets a control to an allowed value."""
+        """Call an action of the session whenever a user sets a control to an allowed value."""
 
         def act(event: Any) -> None:
             value = control.value
@@ -173,7 +174,7 @@ class Page:
             self._session.do(action, *values)
 
     def _show(self, letter: str, sliders: Mapping[str, Any]) -> None:
-        """Show only the sliders for the options of an estimator, with the current values."""
+        """Show only the sliders of options that an estimator has, and set their current values."""
         tuning = self._session.racers["AB".index(letter)].tuning
         for option, slider in sliders.items():
             slider.visible = option in tuning
@@ -184,7 +185,7 @@ class Page:
 
 
 def _plot(gui: Any, title: str, lines: Sequence[tuple[str, str]], **scales: Any) -> Any:
-    """Add a plot of labelled, coloured lines. A plot of six or more lines has no legend."""
+    """Add a plot of labelled, coloured lines; a plot with six or more lines has no legend."""
     series = [
         {"label": label, "stroke": colour, "width": 0.5 if label == EDGE else 1.5}
         for label, colour in lines
@@ -200,19 +201,19 @@ def _plot(gui: Any, title: str, lines: Sequence[tuple[str, str]], **scales: Any)
 
 
 def _since(values: Array) -> tuple[Array, ...]:
-    """Return the data of a plot: the time (n,) since a change, and the k columns of `values`."""
+    """Return the plot data: the time (n,) since a change, and the k columns of `values`."""
     return (PERIOD * np.arange(1.0, len(values) + 1), *values.T)
 
 
 def _table(heads: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
-    """Return an HTML table with column heads."""
+    """Return an HTML table with one heading per column."""
     lines = ["".join(f"<{tag}>{escape(text)}</{tag}>" for text in row)
              for tag, row in (("th", heads), *(("td", row) for row in rows))]  # fmt: skip
     return f"<table class='demo'>{''.join(f'<tr>{line}</tr>' for line in lines)}</table>"
 
 
 def _values(session: DemoSession) -> str:
-    """Return an HTML table of the true values and the estimates."""
+    """Return an HTML table of true parameter values and estimates."""
     heads, columns = ["", "truth"], [session.axis.theta(SHOWN)]
     for letter, racer in zip("AB", session.racers, strict=True):
         heads.append(f"{letter}: {racer.text}")
@@ -225,7 +226,7 @@ def _values(session: DemoSession) -> str:
 
 
 def _changes(changes: Iterable[Change]) -> str:
-    """Return an HTML table of the latest changes, with lags [s], detections and bounds [s]."""
+    """Return an HTML table of the latest changes with lags [s], detections and lag bounds [s]."""
     rows = []
     for change in [*changes][: -LATEST - 1 : -1]:
         *lags, single, unknown = map(short, change.lags)

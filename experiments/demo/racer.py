@@ -1,4 +1,4 @@
-"""An estimator of the demo that can be tuned while it runs."""
+"""An estimator in the demo, which users can tune during the simulation."""
 
 from collections.abc import Mapping
 from contextlib import suppress
@@ -21,52 +21,53 @@ Array = NDArray[np.float64]
 
 NAMES = PAPER
 SHOWN = (*NAMES, "f_c")
-"""Names of the parameters on the page. Only estimators that track dry friction estimate f_c."""
+"""Names of the parameters on the web page; only some estimators also estimate f_c."""
 HYPOTHESES = (*SHOWN, "another")
-"""Hypotheses on the page; "another" stands for the most likely of the other parameters."""
+"""Hypotheses on the web page; "another" means the most probable of all other parameters."""
 WATCHED = sample_index(5.0, PERIOD)
-"""Number of samples after a change for which the hypotheses' probabilities are recorded."""
+"""Number of samples after a change at which the hypothesis probabilities are recorded."""
 SETTLE = sample_index(2.0, PERIOD)
-"""Settling time of a new predictor [samples]: five times its longest time constant."""
+"""Settling time of a new predictor [samples], which is five times its longest time constant."""
 
 TUNING: Mapping[str, tuple[str, float, float, float]] = {
     "forgetting": ("λ", 0.97, 0.9995, 0.0005),
     "scale": ("Δ / Δ of eq. (32)", 0.05, 10.0, 0.05),
     "regularization": ("μ", 0.0, 1.0, 0.01),
 }
-"""Slider of each option that can be tuned: label, smallest value, largest value and step."""
+"""Label, smallest value, largest value and step of the slider for each tunable option."""
 
 
 class Racer:
-    """An estimator of the demo, and the current values of its options.
+    """An estimator in the demo, together with the current values of its options.
 
     Parameters
     ----------
     text : str
-        Name of the estimator and its options, as for `--estimator`.
+        Name and options of the estimator, in the format of `--estimator`.
     nominal : AxisParameters
-        Nominal parameter values for the estimator.
+        Nominal parameter values that the estimator receives.
     output : str
-        Name of the signal that the estimator receives.
+        Name of the measured signal that the estimator receives.
     tuning : mapping of str to float, optional
-        Values of options in `TUNING` (default: the estimator's own values).
+        Values of the options in `TUNING` (default: the default values of the estimator).
 
     Attributes
     ----------
     text : str
-        Name of the estimator and its options, as for `--estimator`.
+        Name and options of the estimator, in the format of `--estimator`.
     tuning : dict of str to float
-        Current values of the options in `TUNING` that the estimator has, keyed by option.
+        Current values of the tunable options of the estimator, keyed by option.
     theta : ndarray (p,)
         Current estimates.
     thoughts : list of ndarray (5,)
-        Probabilities that each parameter in `HYPOTHESES` has jumped, with one array for each sample
-        since the last call of `watch`.
+        Jump probabilities of all parameters in `HYPOTHESES`, with one array per sample since the
+        last call of `watch`.
 
     Raises
     ------
     EstimatorError, FlexaxisError
-        If the estimator does not exist, or does not estimate `NAMES` from this signal.
+        If the estimator does not exist, or does not estimate the parameters `NAMES` from the signal
+        `output`.
     """
 
     def __init__(
@@ -88,14 +89,14 @@ class Racer:
         names = tuple(self._estimator.names)
         if names[: len(NAMES)] != NAMES or self._estimator.output != output:
             raise FlexaxisError(
-                f"{text} estimates {', '.join(names)} from the {self._estimator.output}; "
-                f"the demo needs estimators of {', '.join(NAMES)} from the {output}"
+                f"{text} estimates {', '.join(names)} from the {self._estimator.output}, but "
+                f"the demo needs an estimator of {', '.join(NAMES)} from the {output}"
             )
         self._columns = [names.index(name) if name in names else len(names) for name in SHOWN]
 
     @property
     def deviation(self) -> Array:
-        """Reported standard deviations (4,) of the parameters `SHOWN`; NaN if not reported."""
+        """Reported standard deviations (4,) of the parameters `SHOWN`, or NaN."""
         covariance = getattr(self._estimator, "covariance", None)
         if covariance is None:
             return np.full(len(SHOWN), np.nan)
@@ -103,7 +104,7 @@ class Racer:
 
     @property
     def finding(self) -> str:
-        """Description and delay of the first change reported since the last call of `watch`."""
+        """Description and delay of the first reported change since the last call of `watch`."""
         for finding in getattr(self._estimator, "findings", None) or ():
             if finding.alarm >= self._changed:
                 changes = zip(finding.parameters, finding.ratio, strict=False)
@@ -114,14 +115,14 @@ class Racer:
     def shown(self, values: Array) -> Array:
         """Return the columns (…, 4) of the parameters `SHOWN`, given all columns (…, p).
 
-        A column is NaN if the estimator does not estimate the parameter.
+        A column is NaN if the estimator does not estimate the parameter of this column.
         """
         missing = np.full((*values.shape[:-1], 1), np.nan)
         columns: Array = np.concatenate([values, missing], axis=-1)[..., self._columns]
         return columns
 
     def watch(self) -> None:
-        """Delete old probabilities and detections, and start to record new ones."""
+        """Delete recorded probabilities and detections, and start a new recording."""
         self.thoughts, self._changed = [], self._seen
 
     def run(self, torque: Array, measured: Array) -> Array:
@@ -137,35 +138,35 @@ class Racer:
         return self.shown(np.concatenate(estimates))
 
     def tune(self, option: str, value: float, recent: Array) -> None:
-        """Change an option of the estimator, but keep its estimates and its matrix P.
+        """Change an option of the estimator without changing its estimates and its matrix P.
 
         Parameters
         ----------
         option : str
-            Name of the option, a key of `tuning`.
+            Name of the option, which must be a key of `tuning`.
         value : float
             New value of the option.
         recent : ndarray (2, n)
-            Torque [N m] and measured signal of the most recent samples.
+            Torque [N m] and measured signal at the most recent samples.
 
         Raises
         ------
         EstimatorError, FlexaxisError
-            If the estimator has no such option or rejects the value. The estimator then keeps its
-            options.
+            If the estimator does not have the option or rejects the value. After an error, the
+            estimator keeps its old options.
         """
         if option not in self.tuning:
-            raise FlexaxisError(f"{self.text} has no option {option} to tune")
+            raise FlexaxisError(f"the estimator {self.text} has no tunable option {option}")
         old, tuning = self._estimator, self.tuning | {option: value}
         self._estimator, self.tuning = self._build(tuning), tuning
         self.join(recent, P=getattr(old, "P", None))
 
     def join(self, recent: Array, P: Array | None = None) -> None:
-        """Run a new estimator on recent samples, because the axis is already moving.
+        """Run a new estimator on recent samples, because the axis is already in motion.
 
-        `recent` (2, n) contains the torque [N m] and the measured signal. The first readings
-        are marked as missing. During this gap, the predictor uses only the torque, and the error of
-        its initial state (at rest) decays.
+        The rows of `recent` (2, n) are the torque [N m] and the measured signal. The first measured
+        samples are marked as missing. At a missing sample, the predictor uses only the torque.
+        Therefore the initial state error of the predictor decays.
         """
         self._seen = 0
         torque, measured = recent
@@ -187,7 +188,7 @@ class Racer:
         return np.array([*known, max(bank.values(), default=0.0)])
 
     def _build(self, tuning: Mapping[str, float]) -> Estimator:
-        """Make a new estimator with the options `tuning` that starts at the current estimates."""
+        """Create an estimator with the options `tuning`, which starts at the current estimates."""
         values = dict(self._nominal)
         for (parameter, exponent), value in zip(map(physical, NAMES), self.theta, strict=False):
             values[parameter] = float(value) ** exponent

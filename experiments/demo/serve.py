@@ -1,4 +1,4 @@
-"""Serve the live axis: start the server, restrict the access, and run the real-time loop."""
+"""Start the web server of the live demo, restrict access, and run the simulation in real time."""
 
 import io
 import signal
@@ -33,28 +33,29 @@ def serve(
     port: int | None = None,
     browser: bool = True,
 ) -> None:
-    """Show the live axis in the browser, on this computer only, until Ctrl-C or SIGTERM.
+    """Show the live demo in a browser on this computer, until Ctrl-C or SIGTERM.
 
-    The simulation pauses while no browser is connected.
+    The simulation pauses whenever no browser is connected.
 
     Parameters
     ----------
     estimators : sequence of str
-        Two estimators, as for `--estimator` (default: the estimators of the lesson).
+        Names and options of two estimators, in the format of `--estimator` (default: the estimators
+        of the lesson).
     lesson : Path, optional
-        Path of a TOML file with timed actions that replace clicks.
+        Path of a lesson file, which is a TOML file with timed actions that replace clicks.
     seed : int, optional
-        Random seed (default: the seed of the lesson, or 0).
+        Random seed of the simulation (default: the seed of the lesson, or 0).
     port : int, optional
-        Port of the page (default: 8080, or the next free port).
+        Port of the web server (default: 8080, or the next free port).
     browser : bool
         Whether to open a browser.
 
     Raises
     ------
     FlexaxisError
-        If viser or mjviser is missing, the port is in use, the lesson cannot be read, or the demo
-        cannot run one of the estimators.
+        If viser or mjviser is missing, if the port is in use, if the lesson cannot be read, or if
+        the demo cannot run one of the estimators.
     """
     plan = load_lesson(lesson) if lesson else {"act": []}
     session = DemoSession(
@@ -72,7 +73,7 @@ def serve(
         signal.signal(kind, stop)
     with suppress(KeyboardInterrupt):
         address = f"http://{HOST}:{server.get_port()}"
-        print(f"the live axis is at {address}  (Ctrl-C stops it)", flush=True)
+        print(f"the live axis is at {address}  (Ctrl-C stops the server)", flush=True)
         page = Page(server, session, plan["act"])
         page.advance(sample_index(WARM, PERIOD))
         page.draw_curves()
@@ -84,45 +85,45 @@ def serve(
 
 
 def load_lesson(path: Path) -> dict[str, Any]:
-    """Read a lesson, and return its content with the tables ``[[act]]`` in order of time.
+    """Read a lesson file, and return its content with the tables ``[[act]]`` in order of time.
 
-    A lesson can also contain the keys ``estimators`` and ``seed``. Each ``[[act]]`` contains a time
-    ``at`` [s] and the name ``do`` of an action in `flexaxis.experiments.demo.session.ACTIONS`. The
-    optional keys of an ``[[act]]`` are ``with``, the arguments of the action, and ``say``, a
-    message that the page shows.
+    A lesson file can also contain the keys ``estimators`` and ``seed``. Each ``[[act]]`` contains a
+    time ``at`` [s] and the name ``do`` of an action in `flexaxis.experiments.demo.session.ACTIONS`.
+    The optional key ``with`` of an ``[[act]]`` contains the arguments of the action. The optional
+    key ``say`` of an ``[[act]]`` contains a message that the web page shows.
 
     Raises
     ------
     FlexaxisError
-        If the file cannot be read, or if an ``[[act]]`` does not contain ``at`` and ``do``.
+        If the lesson file cannot be read, or if an ``[[act]]`` does not contain ``at`` and ``do``.
     """
     lesson = toml_tables(read_text(path, FlexaxisError), source=str(path), refuse=FlexaxisError)
     acts = lesson.get("act", [])
     for act in acts:
         if not {"at", "do"} <= act.keys():
-            raise FlexaxisError(f"{path}: each [[act]] needs `at` and `do`; this one has {act}")
+            raise FlexaxisError(f"{path}: the [[act]] {act} needs the keys `at` and `do`")
     return lesson | {"act": sorted(acts, key=itemgetter("at"))}
 
 
 def start(port: int | None = None) -> Any:
-    """Start a viser server that accepts connections only from the demo's page on this computer.
+    """Start a viser server that accepts connections only from web pages of the demo.
 
     Parameters
     ----------
     port : int, optional
-        Port of the page, as in `serve`.
+        Port of the web server, as in `serve`.
 
     Raises
     ------
     FlexaxisError
-        If viser or mjviser is missing, or the port is in use.
+        If viser or mjviser is missing, or if the port is in use.
     """
     try:
         import mjviser  # noqa: F401
         import viser
     except ImportError as error:
         raise FlexaxisError(
-            f"the live demo needs viser and mjviser ({error}): pip install -e '.[demo]' "
+            f"the live demo needs viser and mjviser ({error}): run pip install -e '.[demo]' "
             "in the folder of flexaxis"
         ) from None
     with redirect_stdout(io.StringIO()), _own_pages_only():  # hides the banner that viser prints
@@ -131,16 +132,17 @@ def start(port: int | None = None) -> Any:
     server.request_share_url = lambda verbose=True: None  # type: ignore[method-assign]
     if port not in (None, server.get_port()):
         server.stop()
-        raise FlexaxisError(f"--port {port} is in use: give another port, or leave --port out")
+        raise FlexaxisError(f"the port {port} is in use: choose another port, or omit --port")
     return server
 
 
 @contextmanager
 def _own_pages_only() -> Iterator[None]:
-    """Within this context, make new websocket servers reject connections from other pages.
+    """Let new websocket servers reject connections from all web pages except the demo page.
 
-    Without this check, any other page in the browser could connect to the demo, either directly or
-    using a host name that resolves to this computer (DNS rebinding). viser provides no such check.
+    Without this restriction, any web page in the browser could connect to the demo. The other web
+    page could even use a host name that resolves to this computer (DNS rebinding). The library
+    viser does not prevent connections from other web pages.
     """
     import websockets.asyncio.server as library
 
@@ -151,7 +153,7 @@ def _own_pages_only() -> Iterator[None]:
             hosts, origins = (request.headers.get_all(name) for name in ("Host", "Origin"))
             own = [[f"{name}:{port}"] for name in (HOST, "localhost")]
             if hosts not in own or origins not in ([], [f"http://{hosts[0]}"]):
-                return connection.respond(403, "refused: this is not a page of the demo\n")
+                return connection.respond(403, "refused: this page does not belong to the demo\n")
             return process_request(connection, request)
 
         options["max_size"] = MAX_MESSAGE
@@ -165,7 +167,7 @@ def _own_pages_only() -> Iterator[None]:
 
 
 def _loop(page: Page, server: Any, stopping: Event) -> None:
-    """Simulate the session and draw the page in real time, until `stopping` is set."""
+    """Simulate the axis and draw the web page in real time, until `stopping` is set."""
     before, owed, next_curves = time.monotonic(), 0.0, 0.0
     while not stopping.wait(max(0.0, before + 1 / FRAMES - time.monotonic())):
         now = time.monotonic()

@@ -1,4 +1,4 @@
-"""The session of the demo: an axis, two estimators of its parameters, and a list of changes."""
+"""The session of the live demo: an axis, two estimators, and a list of parameter changes."""
 
 from collections import deque
 from collections.abc import Mapping, Sequence
@@ -17,13 +17,13 @@ from flexaxis.sim.timing import PERIOD, sample_index
 Array = NDArray[np.float64]
 
 MARK = 20
-"""Number of samples between successive points of the curves."""
+"""Number of samples between successive points of a curve on the web page."""
 SPAN = 40.0
-"""Length of the time window that the curves show [s]."""
+"""Length of the time window in the plots on the web page [s]."""
 RECENT = SETTLE + sample_index(3.0, PERIOD)
 """Number of past samples that a newly selected estimator processes first."""
 DEFAULT_RACERS = ("rpem-forgetting", RECOMMENDED)
-"""The paper's method and the recommended estimator."""
+"""Names of the default estimators: the method of the paper, and the recommended estimator."""
 
 BUTTONS: Mapping[str, tuple[str, float]] = {
     "motor friction f_m × 2": ("f_m", 2.0),
@@ -31,27 +31,28 @@ BUTTONS: Mapping[str, tuple[str, float]] = {
     "weak motor k_T × 0.9": ("k_T", 0.9),
     "soft arm k_a × 0.9": ("k_a", 0.9),
 }
-"""Fault of each button: the parameter, and the ratio of its new value to the nominal value."""
+"""Parameter that each button changes, and ratio of the new value to the nominal value."""
 
 
 ACTIONS = (
     "inject", "repair", "set_friction", "set_excitation", "set_noise", "set_sensor", "tune",
     "choose",
 )  # fmt: skip
-"""Names of the methods that a viewer or a lesson may call."""
+"""Names of the methods that a user or a lesson can call."""
 
 
 class DemoSession:
-    """A live axis and two estimators. Methods change the axis and tune the estimators.
+    """A live axis and two estimators; the methods change the axis and tune the estimators.
 
-    The caller decides when samples are simulated, and draws the results.
+    The caller determines when samples are simulated, and draws the results.
 
     Parameters
     ----------
     estimators : sequence of str
-        Two estimators, as for `--estimator`.
+        Names and options of two estimators, in the format of `--estimator`.
     seed : int
-        Random seed. The same seed and the same actions give the same run.
+        Random seed of the simulation. The same seed and the same user actions give the same
+        results.
 
     Attributes
     ----------
@@ -60,11 +61,11 @@ class DemoSession:
     racers : list of Racer
         Estimators A and B.
     factors : dict of str to float
-        Current faults: ratios of parameters to their nominal values, keyed by parameter.
+        Ratio of each changed parameter to its nominal value, keyed by parameter.
     changes : list of Change
-        All changes of the axis so far, each with the errors of the estimators after it.
+        All previous parameter changes, each with the subsequent errors of the estimators.
     message : str
-        Description of the last action or error.
+        Description of the last user action or of the last error.
 
     Raises
     ------
@@ -74,17 +75,17 @@ class DemoSession:
 
     def __init__(self, estimators: Sequence[str] = DEFAULT_RACERS, *, seed: int = 0) -> None:
         if len(estimators) != 2:
-            raise FlexaxisError(f"the demo needs two estimators, not {len(estimators)}: give two")
+            raise FlexaxisError(f"the demo needs 2 estimators, not {len(estimators)}")
         self.axis = LiveAxis(seed=seed)
         self.racers = [Racer(text, self.axis.nominal) for text in estimators]
         self.factors: dict[str, float] = {}
         self.changes: list[Change] = []
-        self.message = "no fault: the estimates stay near the true values"
+        self.message = "no fault: the estimates are close to the true values"
         self._marks: deque[tuple[Array, ...]] = deque(maxlen=round(SPAN / PERIOD / MARK))
         self._recent = np.empty((2, 0))
 
     def advance(self, samples: int) -> None:
-        """Simulate the next samples, and run both estimators on these samples."""
+        """Simulate the next samples, and run both estimators on the new samples."""
         while samples > 0:
             n = min(samples, MARK - self.axis.samples % MARK)
             torque, measured, excited = self.axis.advance(n)
@@ -102,15 +103,17 @@ class DemoSession:
     def curves(self) -> dict[str, Array]:
         """Return the curves of the last `SPAN` seconds, with one point per `MARK` samples.
 
-        The keys are ``time`` (M,), ``truth`` (M, 4), and ``theta`` and ``deviation`` (M, 2, 4) of
-        both estimators. The last axis corresponds to the parameters `SHOWN`; missing values are 0.
+        The arrays ``truth`` (M, 4) contain the true values at ``time`` (M,). The arrays ``theta``
+        and ``deviation`` (M, 2, 4) contain the estimates and standard deviations of both
+        estimators. The last dimension of these arrays contains the parameters `SHOWN`. Missing
+        values are 0.
         """
         names = ("time", "truth", "theta", "deviation")
         columns = [np.nan_to_num(column) for column in zip(*self._marks, strict=True)]
         return dict(zip(names, columns, strict=True))
 
     def do(self, action: str, *values: Any) -> None:
-        """Perform an action in `ACTIONS`, and set `message` to its description or error."""
+        """Perform an action in `ACTIONS`, and describe the action or its error in `message`."""
         try:
             if action not in ACTIONS:
                 raise FlexaxisError(unknown("action", action, ACTIONS))
@@ -121,14 +124,14 @@ class DemoSession:
             self.message = f"at {self.axis.time:.1f} s: {what}"
 
     def inject(self, parameter: str, factor: float) -> str:
-        """Set a parameter to `factor` times its nominal value, and record the tracking errors."""
+        """Set a parameter to `factor` times its nominal value, and record the estimation errors."""
         if parameter not in self.axis.nominal or not 0.5 <= factor <= 2:
             raise FlexaxisError(
-                f"{parameter} × {factor:g}: give a parameter of the axis, and a factor of 0.5 to 2"
+                f"{parameter} × {factor:g}: use a parameter of the axis, and a factor of 0.5 to 2"
             )
         if self.factors.get(parameter) == factor:
             raise FlexaxisError(
-                f"{parameter} is already {factor:g} × nominal: repair everything first"
+                f"{parameter} is already {factor:g} times nominal: first repair the axis"
             )
         before, factors = self.axis.theta(SHOWN), self.factors | {parameter: factor}
         self.axis.set_factors(factors)
@@ -136,13 +139,13 @@ class DemoSession:
         return self._follow(f"{parameter} × {factor:g}", before)
 
     def repair(self) -> str:
-        """Set all parameters of the axis to their nominal values, without changing dry friction."""
+        """Set all parameters of the axis to their nominal values, but keep the friction model."""
         before, self.factors = self.axis.theta(SHOWN), {}
         self.axis.set_factors({})
         return self._follow("repaired", before)
 
     def set_friction(self, kind: str) -> str:
-        """Set the dry friction to an entry of `flexaxis.experiments.demo.axis.FRICTION`."""
+        """Replace the friction model by an entry of `flexaxis.experiments.demo.axis.FRICTION`."""
         if kind not in FRICTION:
             raise FlexaxisError(unknown("friction", kind, FRICTION))
         before = self.axis.theta(SHOWN)
@@ -150,21 +153,21 @@ class DemoSession:
         return self._follow(f"friction: {kind}", before)
 
     def set_excitation(self, mode: str) -> str:
-        """Set the mode of the reference, an entry of `EXCITATION`: on, stop-and-go, or off."""
+        """Set the mode of the reference to on, stop-and-go or off (see `EXCITATION`)."""
         if mode not in EXCITATION:
             raise FlexaxisError(unknown("excitation", mode, EXCITATION))
         self.axis.excitation = mode
         return f"excitation {mode}"
 
     def set_noise(self, noise: float) -> str:
-        """Set the standard deviation of the noise of the measured speed [rad/s]."""
+        """Set the standard deviation of the motor speed noise [rad/s]."""
         self.axis.noise = noise
         return f"noise {noise:g} rad/s"
 
     def set_sensor(self, kind: str) -> str:
-        """Set the sensor to an entry of `flexaxis.experiments.demo.axis.SENSORS`.
+        """Replace the motor sensor by an entry of `flexaxis.experiments.demo.axis.SENSORS`.
 
-        Both estimators then read another signal, so they restart at nominal values.
+        Both estimators restart at nominal parameter values, because the measured signal changes.
         """
         if kind not in SENSORS:
             raise FlexaxisError(unknown("sensor", kind, SENSORS))
@@ -179,19 +182,19 @@ class DemoSession:
         return self._follow(f"sensor: {kind}", self.axis.theta(SHOWN))
 
     def tune(self, racer: str, option: str, value: float) -> str:
-        """Set an option of estimator A or B, without changing its current estimate."""
+        """Set an option of estimator A or B, without changing the current estimates."""
         self.racers["AB".index(racer)].tune(option, value, self._recent)
         return f"{racer}: {option} {value:g}"
 
     def choose(self, racer: str, estimator: str) -> str:
-        """Replace estimator A or B by another estimator, which starts at nominal values."""
+        """Replace estimator A or B by a new estimator, which starts at nominal values."""
         fresh = Racer(estimator, self.axis.nominal, self.axis.output)
         fresh.join(self._recent)
         self.racers["AB".index(racer)] = fresh
         return f"{racer} is now {estimator}"
 
     def _follow(self, what: str, before: Array) -> str:
-        """Start to record the tracking errors after a change, and return the description `what`."""
+        """Start to record the estimation errors after a change, and return a description."""
         change = Change(self.axis, what, before)
         self.changes.append(change)
         for racer in self.racers:

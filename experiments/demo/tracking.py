@@ -1,6 +1,6 @@
-"""The errors of both estimators after a change of the axis, and the Cramér–Rao bound.
+"""Compare the errors of two estimators after a parameter change with the Cramér–Rao bound.
 
-The errors and bounds use only samples at which the reference moves (see docs/scores.md).
+The errors and bounds include only samples at which the reference moves (see docs/scores.md).
 """
 
 from collections.abc import Sequence
@@ -21,11 +21,11 @@ LENGTH = sample_index(WINDOW, PERIOD)
 
 
 class Change:
-    """The errors of both estimators after a change, and lower bounds of these errors.
+    """Estimation errors of two estimators after a parameter change, and lower bounds of the errors.
 
-    The errors are divided by the size of the change, so they are close to 1 just after the change,
-    and 0 for a correct estimate. If an estimator does not estimate the changed parameter, its error
-    is always 1.
+    Each error is divided by the size of the change. The relative error is close to 1 just after the
+    change, and 0 for a correct estimate. If an estimator does not estimate the changed parameter,
+    the error is always 1.
 
     Parameters
     ----------
@@ -41,14 +41,15 @@ class Change:
     at : int
         Index of the first sample after the change.
     parameter : str or None
-        Name of the parameter in `SHOWN` that changed most, or None if no parameter changed.
+        Name of the parameter in `SHOWN` with the largest change, or None if no parameter changed.
     curves : ndarray (n, 4)
         Absolute errors of both estimators, and two Cramér–Rao bounds of the mean absolute error,
-        for at most 5 s after the change. The first bound is for an estimator that knows which
-        parameter changed, and the second for an estimator that does not. Both bounds assume that
-        the time of the change is known. The bounds are NaN if they are not defined.
+        for at most 5 s after the change. The first bound assumes that the estimator knows which
+        parameter has changed. The second bound assumes that the estimator does not know the changed
+        parameter. Both bounds assume that the estimator knows the time of the change. An undefined
+        bound is NaN.
     findings : list of str
-        Description of the change that each estimator reported.
+        Description of the change that each estimator has reported.
     """
 
     def __init__(self, axis: LiveAxis, what: str, before: Array) -> None:
@@ -68,25 +69,25 @@ class Change:
 
     @property
     def open(self) -> bool:
-        """Whether samples are still added to the curves."""
+        """Whether further samples are added to the curves."""
         return self.parameter is not None and len(self.curves) < LENGTH
 
     @property
     def lags(self) -> Array:
-        """Integrals (4,) of the curves from the change to the last sample [s]."""
+        """Integrals (4,) of the curves from the time of the change to the last sample [s]."""
         return np.asarray(lag(self.curves, PERIOD))
 
     def take(self, estimates: Sequence[Array], torque: Array, excited: NDArray[np.bool_]) -> None:
-        """Append the errors of the next samples to the curves.
+        """Append the estimation errors at the next samples to the curves.
 
         Parameters
         ----------
         estimates : sequence of ndarray (n, 4)
-            Estimates of the parameters `SHOWN` by each estimator.
+            Estimates of the parameters `SHOWN` from each estimator.
         torque : ndarray (n,)
             Torque [N m].
         excited : ndarray (n,)
-            Whether the reference moves at each sample.
+            True at each sample with a moving reference.
         """
         if not self.open:
             return

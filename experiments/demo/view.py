@@ -1,4 +1,4 @@
-"""Draw the axis in 3-D: replay a run in a window, or write a picture to a file."""
+"""Draw the axis in 3-D: replay a run in a window, or write an image file."""
 
 import os
 import sys
@@ -21,9 +21,9 @@ from flexaxis.sim.scenario import Scenario
 Array = NDArray[np.float64]
 
 STRIDE = 4
-"""Number of samples between successive frames in the window."""
+"""Number of samples between successive frames of a replay."""
 WAYS = {"egl": "EGL", "osmesa": "OSMesa"}
-"""Libraries that render without a display, keyed by the value of MUJOCO_GL. The best is first."""
+"""Libraries for rendering without a display, keyed by MUJOCO_GL; the first is preferred."""
 
 
 def view(
@@ -34,47 +34,50 @@ def view(
     exaggerate: float = 100.0,
     picture: str | Path | None = None,
 ) -> Path | None:
-    """Show a run in 3-D, in a window or as a picture.
+    """Show a run in 3-D, in a window or as an image file.
 
-    The twist of the joints is approximately one milliradian, so the twist is magnified for drawing.
-    The motor is drawn at its true angle.
+    The joint twist is approximately one milliradian, so the drawing magnifies the twist. The
+    drawing shows the motor at its true angle.
 
     Parameters
     ----------
     run : str, Path, Scenario or Record
-        Record to show, or scenario to simulate and show, also by its name or path.
+        Record to show, or scenario to simulate and show. The argument can also be the name or path
+        of a scenario.
     seed : int
         Random seed of the simulation.
     at : float
-        Time of the picture, or time at which the replay starts [s].
+        Time of the image, or start time of the replay [s].
     exaggerate : float
-        Magnification of the twist; 1 shows the true angles.
+        Magnification of the joint twist. Without magnification (1), the drawing shows the true
+        angles.
     picture : str or Path, optional
-        Path of a PNG file to write instead of opening a window. A PNG file needs no display.
+        Path of the PNG file to write. By default, the function opens a window. Writing a PNG file
+        does not require a display.
 
     Returns
     -------
     Path or None
-        Path of the picture, or None if a window was shown.
+        Path of the image file, or None if the run was shown in a window.
 
     Raises
     ------
     FlexaxisError
-        If `at` is outside the run, or if the file name of the picture does not end in .png.
+        If the time `at` is outside the run, or if the name of the image file does not end in .png.
     OutputError
-        If this machine can neither open a window nor draw a picture.
+        If the computer cannot open a window or draw an image.
     """
     target = None if picture is None else Path(picture)
     if target is not None:
         if target.suffix.lower() != ".png":
-            raise FlexaxisError(f"picture={str(picture)!r}: use a name that ends in .png")
+            raise FlexaxisError(f"picture={str(picture)!r}: use a file name that ends in .png")
         draw_offscreen()
     from flexaxis.sim.simulate import simulate  # imports MuJoCo, so MUJOCO_GL must be set before
 
     if not isinstance(run, Record):
         run = simulate(run if isinstance(run, Scenario) else find_scenario(str(run)), [seed])[0]
     if not 0 <= at <= (end := run.time[-1]):
-        raise FlexaxisError(f"at={at:g}: give a time within the run, 0 to {end:g} s")
+        raise FlexaxisError(f"at={at:g}: use a time within the run, from 0 to {end:g} s")
     angles = poses(run, exaggerate=exaggerate)[round(at / run.period) :]
     mujoco, model, data = scene(run.scenario.get("model", DEFAULT))
     if target is None:
@@ -86,7 +89,7 @@ def view(
 
 
 def poses(record: Record, *, exaggerate: float) -> Array:
-    """Return the angles (N, n) [rad] of the n masses in the drawing, with magnified twist.
+    """Return the angles (N, n) [rad] at which the n masses are drawn, with magnified twist.
 
     Raises
     ------
@@ -97,16 +100,17 @@ def poses(record: Record, *, exaggerate: float) -> Array:
     angles = [getattr(record, f"true_angle_{name[2:]}") for name in values if name[0] == "J"]
     if not angles or any(each is None for each in angles):
         raise OutputError(
-            "the record has no true angles, so it cannot be shown: use a record of a simulation"
+            "a record without true angles cannot be shown in 3-D: use a simulated record"
         )
     ratio = values.get("r", 1.0)
     return exaggerated(np.column_stack(angles), ratio=ratio, exaggerate=exaggerate)
 
 
 def exaggerated(angles: Array, *, ratio: float, exaggerate: float) -> Array:
-    """Magnify the twist of the joints, and return the angles (…, n) [rad] for drawing.
+    """Magnify the joint twist, and return the angles (…, n) [rad] at which to draw the masses.
 
-    The deviations of all masses from the angles of a rigid axis are multiplied by `exaggerate`.
+    The function multiplies the deviation of each mass from the angle of a rigid axis by
+    `exaggerate`.
     """
     drawn = np.array(angles)
     rigid = ratio * drawn[..., :1]
@@ -115,7 +119,7 @@ def exaggerated(angles: Array, *, ratio: float, exaggerate: float) -> Array:
 
 
 def _draw(mujoco: Any, model: Any, data: Any, path: Path) -> None:
-    """Write a picture of the axis at its current angles to a file."""
+    """Write an image of the axis at its current angles to a file."""
     import matplotlib.image
 
     mujoco.mj_forward(model, data)
@@ -123,7 +127,7 @@ def _draw(mujoco: Any, model: Any, data: Any, path: Path) -> None:
         renderer = mujoco.Renderer(model, height=720, width=1280)
     except Exception as error:  # the type of the exception depends on the platform
         raise OutputError(
-            f"no picture can be drawn here: {error}. Without a display, set MUJOCO_GL=egl or "
+            f"MuJoCo cannot draw an image: {error}. Without a display, set MUJOCO_GL=egl or "
             "MUJOCO_GL=osmesa (Debian packages: libegl1, libosmesa6)"
         ) from error
     with renderer, new_file(path) as part:
@@ -132,12 +136,12 @@ def _draw(mujoco: Any, model: Any, data: Any, path: Path) -> None:
 
 
 def _replay(mujoco: Any, model: Any, data: Any, angles: Array, period: float) -> None:
-    """Replay the angles (N, n) [rad] in a window. Closing the window ends the replay."""
+    """Replay the angles (N, n) [rad] in a window, until the user closes the window."""
     try:
         viewer = import_module("mujoco.viewer").launch_passive(model, data)
     except Exception as error:
         raise OutputError(
-            f"no window can be opened here: {error}. A picture needs no display: picture='axis.png'"
+            f"MuJoCo cannot open a window: {error}. To write an image file, set picture='axis.png'"
         ) from error
     with viewer:
         for data.qpos[:] in angles[::STRIDE]:
@@ -149,7 +153,7 @@ def _replay(mujoco: Any, model: Any, data: Any, angles: Array, period: float) ->
 
 
 def scene(name: str = DEFAULT) -> tuple[Any, Any, Any]:
-    """Return the module mujoco, and the model and data of a scene with floor, light and camera."""
+    """Return the module mujoco, the scene with floor, light and camera, and the simulation data."""
     import mujoco
 
     _, assets = model_files(name)
@@ -158,19 +162,19 @@ def scene(name: str = DEFAULT) -> tuple[Any, Any, Any]:
 
 
 def draw_offscreen() -> None:
-    """Set MUJOCO_GL to an available renderer, unless MUJOCO_GL is set or there is a display.
+    """Set MUJOCO_GL to an available renderer if MUJOCO_GL is not set and there is no display.
 
     Raises
     ------
     FlexaxisError
-        If there is neither a display nor a library that renders without one.
+        If the computer has no display and no library for rendering without a display.
     """
     if sys.platform != "linux" or {"MUJOCO_GL", "DISPLAY", "WAYLAND_DISPLAY"} & set(os.environ):
         return
     way = next((way for way, library in WAYS.items() if find_library(library)), None)
     if way is None:
         raise FlexaxisError(
-            "no picture can be drawn here: there is no display, and neither "
+            "MuJoCo cannot draw an image, because there is no display and neither "
             f"{' nor '.join(f'lib{library}' for library in WAYS.values())} is installed (Debian "
             "packages: libegl1, libosmesa6)"
         )

@@ -1,7 +1,8 @@
 """Check the claims of the paper.
 
-``claims.toml`` contains the text of each claim, the measure that tests the claim, and limits of the
-measured values. This module contains the conditions that limits cannot express.
+The file ``claims.toml`` contains the text of each claim, the measure that tests the claim, and
+limits of the measured values. This module contains conditions on the measured values that limits
+cannot express.
 """
 
 import tomllib
@@ -16,16 +17,16 @@ from flexaxis.experiments.paper.measures import Measures
 from flexaxis.experiments.scoring.scores import finite
 
 CLAIMS = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
-"""Claims in the order of the paper, keyed by id."""
+"""Claims of the paper in the order of the paper, keyed by the id of the claim."""
 PEAKS = (95.0, 125.0, 185.0)
-"""Frequencies of the peaks of the torque spectrum that the paper reports [rad/s]."""
+"""Frequencies of the torque spectrum peaks according to the paper [rad/s]."""
 
 
 def nearest_half_of_P(ratios: pd.Series) -> bool:
-    """Return whether the measured variances agree better with σ²P/2 than with σ²P or σ²P/4.
+    """Return whether the measured variances are closer to σ²P/2 than to σ²P or σ²P/4.
 
-    `ratios` are the measured standard deviations divided by √(σ²P/2). The standard deviations of
-    the other two candidates are larger or smaller by a factor of √2.
+    The argument `ratios` contains the measured standard deviations divided by √(σ²P/2). The
+    standard deviations for σ²P and σ²P/4 differ from √(σ²P/2) by a factor of √2.
     """
     return bool(abs(np.log2(ratios).mean()) < 0.25)
 
@@ -50,13 +51,13 @@ CONDITIONS: Mapping[str, Callable[[pd.Series], Any]] = {
     "regularisation-stops-the-burst": lambda burst: burst["μ = 0"] > 100 and burst["μ = 1"] < 20,
     "reset-can-be-too-large": lambda loss: loss.max() > 3,
 }
-"""Conditions that limits cannot express, keyed by the id of the claim."""
+"""Conditions on the measured values that limits cannot express, keyed by the id of the claim."""
 
 
 def holds(name: str, measured: pd.Series) -> bool:
-    """Return whether a claim holds: its values are within the limits and satisfy its condition.
+    """Return whether the measured values satisfy the limits and the condition of a claim.
 
-    If a claim has no condition, it must have at least one measured value.
+    A claim without a condition must have at least one measured value.
     """
     limits = CLAIMS[name].get("between", [-np.inf, np.inf])
     condition = CONDITIONS.get(name, len)
@@ -64,10 +65,10 @@ def holds(name: str, measured: pd.Series) -> bool:
 
 
 def decide(name: str, evidence: Measures) -> dict[str, Any]:
-    """Check a claim, and return its entry for claims.json.
+    """Check a claim of the paper, and return its entry for the file claims.json.
 
-    Measured values are keyed by the names of the identified parameters, or by ``value`` if there is
-    only one number. Numbers that are not finite become None.
+    The measured values are keyed by the names of the identified parameters. A single measured value
+    has the key ``value``. Numbers that are not finite are replaced by None.
     """
     claim = CLAIMS[name]
     result = getattr(evidence, claim["measure"])(*claim.get("with", ()))

@@ -1,6 +1,7 @@
-"""The data for the claims: runs simulated with MuJoCo, and estimates computed from these runs.
+"""Provide the data for the paper's claims: runs simulated with MuJoCo, and parameter estimates.
 
-No estimator has been tuned on these seeds. Each result is computed when it is first used.
+No estimator has been tuned on the seeds of these runs. Each record and each estimate is computed
+when it is first used.
 """
 
 from collections.abc import Mapping, Sequence
@@ -26,34 +27,35 @@ ByName = Mapping[str, Any]
 Method = str | tuple[float, ...]
 
 FAULTS = {"k_T": ("kt_step-v1", 0.97), "1/J_a": ("ja_step-v1", 1.02), "f_m": ("fm_step-v1", 1.1)}
-"""Scenario with a step fault of each identified parameter, and the factor of a smaller fault.
+"""Name of the scenario with a step fault of each parameter, and factor of a smaller step.
 
-The factor multiplies k_T, J_a or f_m. The smaller fault is small enough for linear theory, but much
-larger than the noise.
+The factor of the smaller step multiplies k_T, J_a or f_m. The smaller step is small enough for
+linear theory, but much larger than the noise.
 """
 PAUSE = (10.0, 30.0)
-"""Begin and end of the standstill in the scenario that demonstrates windup [s]."""
+"""Start and end time of the standstill in the scenario that demonstrates windup [s]."""
 FORGETTING = 0.995
 METHODS = ("forgetting", "modification")
 SIZES = {"nominal": 30, "long": 8, "calm": 30, "others": 16}
-"""Numbers of runs of the scenarios.
+"""Number of simulated runs for each scenario.
 
-"nominal" is the paper's experiment, and "long" is a version of 60 s. In "calm", the estimates start
-at the true parameters. The number "others" is for each scenario with a standstill or a fault.
+The scenario "nominal" is the experiment of the paper, and "long" is a longer experiment of 60 s. In
+the scenario "calm", the estimates start at the true parameters. The number "others" applies to each
+scenario with a standstill or a fault.
 """
 STRIDE = 20
-"""Number of samples between two stored values of P."""
+"""Number of samples between successive stored values of the matrix P."""
 
 
 class Runs(NamedTuple):
-    """Results of the recursive method for S records of N samples.
+    """Results of the recursive prediction-error method for S records of N samples.
 
     Attributes
     ----------
     theta : ndarray (S, N, p)
-        Estimates divided by nominal values.
+        Parameter estimates divided by nominal parameter values.
     P : ndarray (S, N/STRIDE, p)
-        Diagonal of P(t+1|t), every `STRIDE` samples.
+        Diagonal of the matrix P(t+1|t) at every `STRIDE`-th sample.
     """
 
     theta: Array
@@ -61,34 +63,36 @@ class Runs(NamedTuple):
 
 
 class Evidence:
-    """Simulated records, and estimates computed from these records.
+    """Simulated records, and parameter estimates from these records.
 
     Parameters
     ----------
     first : int
         Seed of the first run.
     sizes : mapping of str to int
-        Numbers of runs, with the keys of `SIZES`.
+        Number of runs for each key of `SIZES`.
 
     Attributes
     ----------
     scenario : Scenario
-        Scenario of the paper's experiment.
+        Scenario that represents the experiment of the paper.
     scenarios : dict of str to Scenario
-        Scenarios, keyed by name. ``"nominal"`` is the paper's experiment. In the other scenarios,
-        the estimates start at the true parameters: ``"calm"`` is the same experiment, ``"long"``
-        lasts 60 s, and ``"pause"`` contains a standstill. A key such as ``"f_m"`` stands for a step
-        fault of an identified parameter, and a key such as ``"small f_m"`` for a smaller step.
+        Scenarios, keyed by name. The scenario ``"nominal"`` is the experiment of the paper. In all
+        other scenarios, the estimates start at the true parameters. The scenario ``"calm"`` differs
+        from ``"nominal"`` only in the initial estimates. The scenario ``"long"`` lasts 60 s, and
+        ``"pause"`` contains a standstill. A scenario such as ``"f_m"`` contains a step fault of a
+        parameter, and ``"small f_m"`` contains a smaller step.
     onset : int
-        Index of the first sample after the fault. All scenarios with a fault have the same onset.
+        Index of the first sample with the fault. All scenarios with a fault have the same onset
+        time.
     model : Parametrization
-        Model of the nominal axis as a function of the identified parameters.
+        Model of the nominal axis, which depends on the identified parameters.
     theta : ndarray (p,)
         Nominal values of the identified parameters.
     adaptations : dict of str to dict
-        Options of `Rpem`, keyed by the name of the method. The methods are forgetting with the
-        paper's λ, covariance modification with Δ of eq. (32), and slower versions of both. Instead
-        of a name, a method can be a tuple of time constants [s], one per parameter.
+        Options of the class `Rpem`, keyed by the name of the method. The methods are forgetting
+        with the λ of the paper, covariance modification with the Δ of equation (32), and two slower
+        methods. A method can also be a tuple with one time constant per parameter [s].
     """
 
     def __init__(self, *, first: int = FIRST, sizes: Mapping[str, int] = SIZES) -> None:
@@ -128,71 +132,71 @@ class Evidence:
 
     @cached_property
     def reference(self) -> Array:
-        """Torque (8000,) [N m] of a separate run with nominal parameters."""
+        """Torque (8000,) [N m] of a separate simulation with nominal parameters."""
         return nominal_torque(self.scenario)
 
     def predict(self, torque: Array) -> tuple[Array, Array]:
-        """Return ŷ (N,) and ψ (N, p), computed with nominal parameters from a torque (N,)."""
+        """Compute the prediction ŷ (N,) and its gradient ψ (N, p) with nominal parameters."""
         return predict(self.model, self.theta, torque, period=self.period)
 
     def steady(self, signal: Array) -> Array:
-        """Return the last two periods of a signal (N, …), after all transients have decayed."""
+        """Return the last two periods of a signal (N, …), which contain no transients."""
         return signal[-2 * round(self.excitation.period / self.period) :]
 
     def gradient_power(self, torque: Array) -> Array:
-        """Return E ψψᵀ (p, p) of eq. (31), given a torque (N,)."""
+        """Return the matrix E ψψᵀ (p, p) of equation (31) for a torque signal (N,)."""
         psi = self.steady(self.predict(torque)[1])
         return psi.T @ psi / len(psi)
 
     @cached_property
     def Q(self) -> Array:
-        """E ψψᵀ (p, p), computed from the torque `reference`."""
+        """Matrix E ψψᵀ (p, p), computed from the torque `reference`."""
         return self.gradient_power(self.reference)
 
     def adaptation(self, method: Method) -> ByName:
-        """Return the options of `Rpem` for a method. Time constants are converted to a matrix Δ."""
+        """Return the options of `Rpem` for a method; a matrix Δ replaces time constants."""
         if isinstance(method, str):
             return self.adaptations[method]
         return {"drift": drift_for(method, self.Q, period=self.period)}
 
     def steady_P(self, method: Method) -> Array:
-        """Return the steady-state P (p, p) of a method, computed using eq. (29) or (30)."""
+        """Return the steady-state matrix P (p, p) of a method, based on equation (29) or (30)."""
         return steady_P(self.Q, **self.adaptation(method))
 
     @cache  # noqa: B019
     def recipe(self, method: Method) -> Array:
-        """Return the diagonal (p,) of P(0), computed as described in section 5.2 of the paper."""
+        """Return the diagonal (p,) of P(0) according to section 5.2 of the paper."""
         return priors.nominal_P(
             self.axis, self.reference, identify=self.names, period=self.period,
             **self.adaptation(method),
         )  # fmt: skip
 
     def runs(self, method: Method) -> Runs:
-        """Return the runs of a method.
+        """Return the results of a method.
 
-        The methods in `METHODS` run on the paper's experiment. Slower methods run for 60 s, and
-        start at nominal values.
+        The methods in `METHODS` use the experiment of the paper. The slower methods use the
+        experiment of 60 s, and start at nominal parameter values.
         """
         return self.filtered("nominal" if method in METHODS else "long", method)
 
     @cache  # noqa: B019
     def filtered(self, group: str, method: Method, *, mu: float = 0.0, prior: float = 0.0) -> Runs:
-        """Run the recursive prediction-error method on each record of a group.
+        """Run the recursive prediction-error method on all records of a scenario.
 
-        P(0) follows from eq. (29) or (30) if the estimates start at nominal values, and from
-        `recipe` otherwise.
+        If the estimates start at nominal values, equation (29) or (30) determines P(0). Otherwise
+        the method `recipe` determines P(0).
 
         Parameters
         ----------
         group : str
-            Key of a scenario in `scenarios`.
+            Key of the scenario in `scenarios`.
         method : str or tuple of float
-            Key of a method in `adaptations`, or time constants [s].
+            Key of the method in `adaptations`, or one time constant per parameter [s].
         mu : float
-            Regularisation μ of eq. (12).
+            Regularisation parameter μ of equation (12).
         prior : float
-            Relative standard deviation of the estimates for a reset of P at the onset of the fault;
-            0 means no reset.
+            Relative standard deviation of the estimates after a reset of P at the fault onset. The
+            value 0 means that P is not reset.
         """
         theta, P, nominal, start = [], [], self.theta, self.scenarios[group].start
         P0 = self.steady_P(method) if start == 1 else self.recipe(method)
@@ -212,10 +216,10 @@ class Evidence:
         return Runs(np.reshape(theta, shape) / nominal, np.reshape(P, shape))
 
     def identified(self, names: Sequence[str], start: float, record: int = 0) -> Identified:
-        """Identify parameters off-line from a run of 60 s.
+        """Identify parameters off-line from a record of 60 s.
 
-        `start` is the ratio of the start values to the nominal values, and `record` is the index of
-        the run.
+        The argument `start` is the ratio of initial parameter values to nominal values, and
+        `record` is the index of the record.
         """
         theta = start * self.axis.parametrize(names).theta
         measured = signals(self.records("long")[record])
@@ -226,15 +230,15 @@ class Evidence:
 
     @cached_property
     def offline(self) -> list[Identified]:
-        """Results of off-line identification of the three parameters, one for each 60 s record.
+        """Results of the off-line identification of three parameters from each record of 60 s.
 
-        The searches start at 1.2 × nominal.
+        Each search starts at 1.2 times the nominal parameter values.
         """
         return [self.identified(self.names, 1.2, i) for i in range(len(self.records("long")))]
 
     @cached_property
     def physical(self) -> Identified:
-        """Off-line estimates of all parameters except r and k_T."""
+        """Off-line estimates of all axis parameters except r and k_T."""
         return self.identified(self.axis.parameters[1:-1], 1.2)
 
 

@@ -1,4 +1,4 @@
-"""Figures 3 to 9 of the paper. Each function draws one figure from the measures and returns it."""
+"""Draw Figures 3 to 9 of the paper; each function draws one figure and returns the figure."""
 
 from collections.abc import Iterable, Mapping
 from functools import partial
@@ -17,14 +17,14 @@ FREQUENCY, TIME = "frequency [rad/s]", "time [s]"
 
 
 def named(names: Iterable[str], x: Any, rows: Any, **options: Any) -> list[Series]:
-    """Return one curve for each name, with the abscissae `x` (M,) and a row (M,) of ordinates."""
+    """Return one labelled curve for each row (M,) of ordinates, with common abscissae `x` (M,)."""
     return [
         Series(x=x, y=y, estimator=name, **options) for name, y in zip(names, rows, strict=True)
     ]
 
 
 def fig3(e: Measures) -> Figure:
-    """Draw the amplitude spectrum of the torque in closed loop."""
+    """Draw the amplitude spectrum of the closed-loop torque."""
     omega, amplitude = e.torque_lines()
     return curves(
         {"amplitude [N m]": [Series(x=omega, y=amplitude, role="data", label="torque")]},
@@ -36,7 +36,7 @@ def fig3(e: Measures) -> Figure:
 
 
 def fig4(e: Measures) -> Figure:
-    """Draw Bode diagrams of the axis, of the identified physical model and of an ARX model."""
+    """Draw Bode diagrams of the axis, the identified physical model and an ARX model."""
     omega = np.geomspace(20, 400, 600)
     result, names = e.responses(omega), (PHYSICAL, "ARX, order 40")
     rows = np.array([result[name] for name in ("axis", *names)])
@@ -50,7 +50,7 @@ def fig4(e: Measures) -> Figure:
 
 
 def fig5(e: Measures) -> Figure:
-    """Draw the squared gains |G_θ|² from the torque to the gradients of the three parameters."""
+    """Draw the squared gain |G_θ|² from the torque to the gradient of each parameter."""
     omega = np.linspace(1, 220, 1000)
     _, slopes = frequency_response(e.model, e.theta, omega, period=e.period)
     gains = named(e.names, omega, np.abs(slopes.T) ** 2)
@@ -59,7 +59,7 @@ def fig5(e: Measures) -> Figure:
 
 
 def estimates(method: str, e: Measures) -> Figure:
-    """Draw the estimates as functions of time, with the same axis limits for each method."""
+    """Draw the parameter estimates over time; all methods have the same axis limits."""
     time, theta = e.scenario.times[::STRIDE], e.runs(method).theta[:, ::STRIDE]
     panels = {}
     for name, columns in zip(e.names, theta.T, strict=True):
@@ -72,7 +72,7 @@ def estimates(method: str, e: Measures) -> Figure:
 
 
 def diagonal(method: str, e: Measures) -> Figure:
-    """Draw diag P of the first run and its theoretical values, with fixed axis limits."""
+    """Draw the diagonal of P in the first run together with its theoretical values."""
     time, y = e.scenario.times[STRIDE - 1 :: STRIDE], "diagonal of P"
     levels = np.outer(np.diag(e.steady_P(method)), [1, 1])
     theory = named(e.names, time[[0, -1]], levels, role="bound", label="_")
@@ -81,38 +81,38 @@ def diagonal(method: str, e: Measures) -> Figure:
 
 
 FIGURES: Mapping[str, tuple[Any, str, str]] = {
-    "fig3": (fig3, "Figure 3. Spectrum of the torque in closed loop", ""),
+    "fig3": (fig3, "Figure 3. Spectrum of the closed-loop torque", ""),
     "fig4": (
         fig4,
-        "Figure 4. Bode diagrams: the axis, the identified physical model, an ARX model",
-        "At frequencies without torque, the data do not determine the ARX model. The physical "
-        "model extrapolates to these frequencies because of its structure.",
+        "Figure 4. Bode diagrams of the axis, the identified physical model and an ARX model",
+        "At frequencies without torque, the data do not determine the ARX model. The structure of "
+        "the physical model allows extrapolation to frequencies without torque.",
     ),
     "fig5": (
         fig5,
         "Figure 5. |G_θ|² of the three parameters",
         "The accuracy of an estimate depends on the frequencies at which the torque has energy. "
-        "1/J_a affects the speed only around the first resonance.",
+        "The parameter 1/J_a affects the speed only around the first resonance.",
     ),
     "fig6": (
         partial(estimates, "forgetting"),
         "Figure 6. Estimates with forgetting",
-        "The line is one run, and the band is the 10–90 % range of all runs.",
+        "The line shows one run, and the band shows the range from 10 to 90 % of all runs.",
     ),
     "fig7": (
         partial(diagonal, "forgetting"),
         "Figure 7. Diagonal of P with forgetting, first run",
-        "The dotted lines are (1−λ) Q⁻¹ of eq. (29).",
+        "The dotted lines show (1−λ) Q⁻¹ of equation (29).",
     ),
     "fig8": (
         partial(estimates, "modification"),
         "Figure 8. Estimates with covariance modification",
-        "The line is one run, and the band is the 10–90 % range of all runs.",
+        "The line shows one run, and the band shows the range from 10 to 90 % of all runs.",
     ),
     "fig9": (
         partial(diagonal, "modification"),
         "Figure 9. Diagonal of P with covariance modification, first run",
-        "The dotted lines are the solution of P Q P = Δ, eq. (30).",
+        "The dotted lines show the solution of P Q P = Δ, equation (30).",
     ),
 }
-"""Function, title and caption of each figure, keyed by the name of the figure's file."""
+"""Function, title and caption of each figure, keyed by the name of the image file."""

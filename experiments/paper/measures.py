@@ -1,4 +1,4 @@
-"""The numbers that test the claims, computed from the simulations and the estimates."""
+"""Compute the measures that test the paper's claims from simulations and estimates."""
 
 from collections.abc import Iterable, Iterator
 from functools import partial
@@ -34,54 +34,54 @@ from flexaxis.sim.simulate import simulate
 
 PHYSICAL = "physical model, identified"
 BAND = (40.0, 188.0)
-"""Frequency band of the excitation, in which the models of Fig. 4 are compared [rad/s]."""
+"""Frequency band of the excitation, in which the models of Figure 4 are compared [rad/s]."""
 ORDERS = (10, 30, 40)
 """Orders of the ARX models."""
 SLOW = (3 * (1.2,), 3 * (2.4,))
-"""Two designs with time constants [s] that are longer than those of the plant."""
+"""Time constants of two slow designs [s], which are longer than the plant time constants."""
 MU = (0.1, 1.0, 10.0)
-"""Values of μ in eq. (12) for which P(0) is below the bound of P."""
+"""Values of μ in equation (12) for which P(0) is smaller than the bound of P."""
 WINDOW = 1000
-"""Number of samples to evaluate after a fault or a standstill."""
+"""Number of samples that are evaluated after a fault or a standstill."""
 LAST = 2000
-"""Number of samples at the end of a run that are used to compute standard deviations."""
+"""Number of samples at the end of a run that determine standard deviations."""
 
 
 def worst(ratios: ArrayLike) -> Array:
-    """Return the ratio farthest from 1 in each column (S, p). Ratios below 1 are inverted."""
+    """Return the largest of all ratios and inverse ratios in each column (S, p)."""
     return np.exp(np.abs(np.log(ratios)).max(axis=0))
 
 
 def decibels(response: Any) -> Any:
-    """Return the magnitude of a frequency response [dB]."""
+    """Return the magnitude of a frequency response in decibels."""
     return 20 * np.log10(np.abs(response))
 
 
 def std(runs: Runs) -> Array:
-    """Return the relative standard deviation of the estimates (p,).
+    """Return the relative standard deviations (p,) of the parameter estimates.
 
-    The variance across all runs is computed at each time, and averaged over the last 10 s. The
-    variance of one run over time would be too small for slow estimates, such as the estimate of k_T
-    with Δ of eq. (32).
+    The function computes the variance across all runs at each time, and averages this variance over
+    the last 10 s. The variance of a single run over time would be too small for slow estimates,
+    such as the estimate of k_T with the Δ of equation (32).
     """
     return np.sqrt(np.var(runs.theta[:, -LAST:], axis=0, ddof=1).mean(axis=0))
 
 
 class Measures(Evidence):
-    """The measures that test the claims. Each public method computes one measure."""
+    """Measures that test the claims of the paper; each public method computes one measure."""
 
     def prediction_error(self) -> Any:
-        """Return the rms error of ŷ at the true parameters divided by the rms of the true speed."""
+        """Return the rms prediction error with true parameters, divided by the rms true speed."""
         record = self.records("nominal")[0]
         error = self.predict(record.torque)[0] - record.true_speed
         return np.std(error) / np.std(record.true_speed)
 
     def samples_late(self) -> ByName:
-        """Return the delay between each parameter's step and its effect on the speed [samples].
+        """Return the delay between a step of each parameter and its effect on the speed [samples].
 
-        The run is compared with a second run, in which the step occurs one sample later. The effect
-        begins at the first sample at which the two runs differ. If this sample is the first one
-        after the onset, the delay is 0.
+        The method compares each run with a second run, in which the step occurs one sample later.
+        The effect begins at the first sample at which the two runs differ. The delay is 0 if the
+        two runs differ at the first sample after the onset.
         """
         result = {}
         for name in self.names:
@@ -93,13 +93,13 @@ class Measures(Evidence):
         return result
 
     def friction_derivative(self) -> ByName:
-        """Return the non-zero entries of ∂[A B; C 0]/∂f_m, divided by −1/J_m."""
+        """Return the non-zero entries of the matrix ∂[A B; C 0]/∂f_m, divided by −1/J_m."""
         _, slope = self.axis.parametrize(["f_m"]).blocks([self.scenario.nominal.f_m])
         return {f"({i + 1},{j + 1})": -slope[i, j] * self.scenario.nominal.J_m
                 for i, j in np.argwhere(slope)}  # fmt: skip
 
     def gradient_error(self) -> ByName:
-        """Return the relative error of ψ against a finite difference of ŷ for each parameter."""
+        """Return the relative error of ψ for each parameter, using a finite difference of ŷ."""
         model = self.axis.parametrize(self.axis.parameters)
         torque = self.records("nominal")[0].torque[:WINDOW]
         both = partial(predict, model, u=torque, period=self.period)
@@ -109,7 +109,7 @@ class Measures(Evidence):
         return dict(zip(model.names, error, strict=True))
 
     def torque_lines(self) -> tuple[Array, Array]:
-        """Return the frequencies [rad/s] and amplitudes [N m] of the torque's spectral lines."""
+        """Return the frequencies [rad/s] and amplitudes [N m] of the torque spectrum lines."""
         torque = self.steady(self.records("nominal")[0].torque)
         omega, power = line_spectrum(torque, period=self.period)
         last = round(2 * self.excitation.high * self.excitation.period)
@@ -118,25 +118,26 @@ class Measures(Evidence):
         return omega[lines], np.sqrt(2 * power[lines])
 
     def torque_peaks(self) -> ByName:
-        """Return the frequencies of the peaks of the torque's spectrum [rad/s].
+        """Return the frequencies of all peaks in the torque spectrum [rad/s].
 
-        An edge of the band counts as a peak if the amplitude is highest there.
+        The first or last frequency is also a peak if its amplitude exceeds the neighbouring
+        amplitude.
         """
         omega, amplitude = self.torque_lines()
         peaks, _ = find_peaks(np.r_[0, amplitude, 0])
         return {f"peak {i}": w for i, w in enumerate(omega[peaks - 1], 1)}
 
     def low_energy(self) -> Any:
-        """Return the share of the torque's energy below 70 rad/s [%]."""
+        """Return the fraction of the torque energy below 70 rad/s [%]."""
         omega, amplitude = self.torque_lines()
         return 100 * np.sum(amplitude[omega < 70] ** 2) / np.sum(amplitude**2)
 
     def gradient_variances(self) -> Array:
-        """Return E ψ² for each parameter (p,)."""
+        """Return the gradient variances E ψ² (p,) of all parameters."""
         return np.diag(self.Q)
 
     def power_over_spectrum(self) -> Array:
-        """Return the mean of ψ² (p,) divided by the integral of |G_θ|² Φ_u, for the worst run."""
+        """Return the mean of ψ² (p,) divided by the integral of |G_θ|² Φ_u in the worst run."""
         ratios = []
         for record in self.records("nominal"):
             power = self.gradient_power(record.torque)
@@ -146,35 +147,35 @@ class Measures(Evidence):
         return worst(ratios)
 
     def offline_error(self) -> Array:
-        """Return the largest error (p,) of off-line identification in all runs [% of nominal]."""
+        """Return the largest error (p,) of off-line identification over all runs [% of nominal]."""
         return 100 * np.max([np.abs(run.theta / self.theta - 1) for run in self.offline], axis=0)
 
     def offline_deviations(self) -> Array:
-        """Return |off-line error| (S, p) divided by the reported standard deviation."""
+        """Return the absolute off-line errors (S, p) divided by reported standard deviations."""
         return np.abs([(r.theta - self.theta) / r.standard_deviations for r in self.offline])
 
     def worst_deviations(self) -> Array:
-        """Return the largest of `offline_deviations` for each parameter (p,)."""
+        """Return the largest value (p,) of `offline_deviations` for each parameter."""
         return self.offline_deviations().max(axis=0)
 
     def rms_deviation(self) -> Any:
-        """Return the rms of all `offline_deviations`."""
+        """Return the root-mean-square value of `offline_deviations`."""
         return rms(self.offline_deviations().ravel())
 
     def near_starts(self) -> ByName:
-        """Return the largest relative difference between two off-line results.
+        """Return the largest relative difference between two off-line results, and their warnings.
 
-        The searches start at 1.2 and 1.5 times nominal. The second value is the number of warnings
-        of both results.
+        The two searches start at 1.2 and 1.5 times the nominal parameters. The value ``warnings``
+        is the number of all warnings.
         """
         near, other = self.offline[0], self.identified(self.names, 1.5)
         difference = np.abs(near.theta / other.theta - 1).max()
         return {"difference": difference, "warnings": len((*near.warnings, *other.warnings))}
 
     def far_starts(self) -> ByName:
-        """Return the correlation of the residual for each start that is far from nominal.
+        """Return the residual correlation for each search with initial values far from nominal.
 
-        The value is 0 if the result does not warn of a local minimum.
+        The correlation is replaced by 0 if the search does not warn of a local minimum.
         """
         runs = {f"{start:g}×": self.identified(self.names, start) for start in (0.5, 0.7, 2.0)}
         return {
@@ -182,16 +183,16 @@ class Measures(Evidence):
         }
 
     def free_scale(self) -> ByName:
-        """Return the condition number if the common scale of the parameters is identified as well.
+        """Return the condition number if all parameters except r are identified off-line.
 
-        The second value is the number of parameters without a warning.
+        The value ``unnamed`` is the number of parameters without a warning.
         """
         run = self.identified(self.axis.parameters[:-1], 1.0)  # all parameters except r, the last
         warned = " ".join(run.warnings)
         return {"condition": run.condition, "unnamed": sum(n not in warned for n in run.names)}
 
     def responses(self, omega: Array) -> dict[str, Any]:
-        """Return the frequency responses (M,) of the axis and of the models in Fig. 4."""
+        """Return the frequency responses (M,) of the axis and of all models in Figure 4."""
         u, y = signals(self.records("long")[0])
         result = {}
         for n in ORDERS:
@@ -203,70 +204,70 @@ class Measures(Evidence):
         return result
 
     def magnitude_error(self, *names: str) -> ByName:
-        """Return the largest error of each model's magnitude within `BAND` [dB], keyed by name."""
+        """Return the largest magnitude error of each model within `BAND` [dB], keyed by model."""
         result = self.responses(np.linspace(*BAND, 400))
         return {name: np.abs(decibels(result[name] / result["axis"])).max() for name in names}
 
     def final_error(self, percentile: float) -> Array:
-        """Return a percentile of the final errors (p,) of all runs with forgetting [%]."""
+        """Return a percentile (p,) of the final errors in all runs with forgetting [%]."""
         errors = np.abs(self.runs("forgetting").theta[:, -1] - 1)
         return 100 * np.percentile(errors, percentile, axis=0)
 
     def settled(self, errors: Iterable[Array], level: float) -> Array:
-        """Return the times (p,) [s] after which the median errors remain below a level.
+        """Return the settling times (p,) [s], after which the median error remains below a level.
 
         Parameters
         ----------
         errors : iterable of ndarray (S, n)
-            Errors of each of the p parameters in S runs, at n samples.
+            Estimation errors of each parameter in S runs at n samples.
         level : float
-            Limit of the absolute value of the median error.
+            Limit for the absolute value of the median error.
         """
         medians = [np.median(error, axis=0) for error in errors]
         return np.array([settling(error, level, self.period) for error in medians], float)
 
     def times(self, method: str, level: float) -> Array:
-        """Return the times (p,) [s] after which median error / initial error is below `level`."""
+        """Return the times (p,) [s] until median error / initial error is below `level`."""
         errors = (self.runs(method).theta - 1) / (self.scenario.start - 1)
         return self.settled(errors.transpose(2, 0, 1), level)
 
     def mean_P(self, method: str) -> Array:
-        """Return the mean of diag P (p,) in the second halves of all runs."""
+        """Return the mean diagonal (p,) of P over the second half of all runs."""
         P = self.runs(method).P
         return P[:, P.shape[1] // 2 :].mean(axis=(0, 1))
 
     def growth_of_P(self) -> Array:
-        """Return diag P (p,) with Δ of eq. (32), divided by diag P with Δ/16."""
+        """Return the diagonal (p,) of P with Δ of equation (32), divided by its value with Δ/16."""
         return self.mean_P("modification") / self.mean_P("slow modification")
 
     def recipe_over_mean(self) -> Array:
-        """Return P(0) of `recipe` (p,) divided by the mean of diag P, for the worst method."""
+        """Return the diagonal (p,) of P(0) divided by the mean of diag P for the worst method."""
         return worst([self.recipe(method) / self.mean_P(method) for method in METHODS])
 
     def times_of_k_T(self) -> ByName:
-        """Return the time until the error of k_T is below 37 % of its initial value [s]."""
+        """Return the time until the k_T error is below 37 % of the initial error [s]."""
         return {method: self.times(method, 0.37)[0] for method in METHODS}
 
     def stds(self, name: str) -> ByName:
-        """Return the standard deviation of the estimate of a parameter [%], keyed by method."""
+        """Return the standard deviation of a parameter estimate [%], keyed by method."""
         return {m: 100 * std(self.runs(m))[self.names.index(name)] for m in METHODS}
 
     def over_theory(self, method: str) -> Array:
-        """Return the mean of diag P (p,) divided by the diagonal of P in eq. (29) or (30)."""
+        """Return the mean diagonal (p,) of P, divided by its value in equation (29) or (30)."""
         return self.mean_P(method) / np.diag(self.steady_P(method))
 
     def claimed(self, P: Array) -> Array:
-        """Return the relative standard deviations √(σ² P/2) (p,) that follow from P (p, p)."""
+        """Return the relative standard deviations √(σ² P/2) (p,) for a matrix P (p, p)."""
         return np.sqrt(np.diag(estimate_covariance(P, self.scenario.noise.speed**2))) / self.theta
 
     def std_over_claim(self, method: str) -> Array:
-        """Return the measured standard deviations (p,) divided by √(σ² P/2), using the mean P."""
+        """Return the measured standard deviations (p,) divided by √(σ² P/2) with the mean of P."""
         return std(self.runs(method)) / self.claimed(np.diag(self.mean_P(method)))
 
     def peaks_over_bounds(self, method: str) -> ByName:
-        """Return the largest ratio of P to its bound in a run with a standstill, keyed by μ.
+        """Return the largest ratio of P to its bound in all runs with a standstill, keyed by μ.
 
-        The bound of P_ii is (1−λ)/μ with forgetting, and √(Δ_ii/μ) with covariance modification.
+        The bound of P_ii is (1−λ)/μ for forgetting, and √(Δ_ii/μ) for covariance modification.
         """
         result = {}
         for mu in MU:
@@ -275,12 +276,12 @@ class Measures(Evidence):
         return result
 
     def growth(self) -> Any:
-        """Return the factor by which P grows during a standstill without regularisation."""
+        """Return the growth factor of P during a standstill without regularisation."""
         P = self.filtered("pause", "forgetting").P
         return P.max() / P[:, 0].max()
 
     def bursts(self) -> ByName:
-        """Return the median over all runs of the largest error after a standstill [%]."""
+        """Return the median of the largest errors after a standstill over all runs [%]."""
         restart, result = round(PAUSE[1] / self.period), {}
         for mu in (0.0, 1.0):
             theta = self.filtered("pause", "forgetting", mu=mu).theta[:, restart:][:, :WINDOW]
@@ -288,9 +289,9 @@ class Measures(Evidence):
         return result
 
     def steps(self, kind: str, method: Method, **options: float) -> Iterator[Array]:
-        """Yield the errors (S, n) of each parameter after the onset of its fault.
+        """Yield the estimation errors (S, n) of each parameter after a step of this parameter.
 
-        The errors are divided by the size of the fault.
+        The estimation errors are divided by the step size.
         """
         for i, name in enumerate(self.names):
             parameters = self.records(kind + name)[0].true_parameters[self.onset - 1 :]
@@ -299,38 +300,38 @@ class Measures(Evidence):
             yield (theta - after) / abs(after[0] - before)
 
     def lags(self, method: str, **options: float) -> Array:
-        """Return the mean lag (p,) of each parameter after its fault [s]."""
+        """Return the mean lag (p,) of each parameter estimate after a step [s]."""
         errors = self.steps("", method, **options)
         return np.array([lag(error[:, :WINDOW].T, self.period).mean() for error in errors])
 
     def lag_ratio(self, prior: float, base: float) -> Array:
-        """Return the lags (p,) with a reset to `prior`, divided by the lags with a reset to `base`.
+        """Return the lags (p,) for a reset of P to `prior` divided by the lags for `base`.
 
-        If `prior` or `base` is 0, there is no reset.
+        A value of 0 for `prior` or `base` means that P is not reset.
         """
         return self.lags("forgetting", prior=prior) / self.lags("forgetting", prior=base)
 
     def prices(self) -> ByName:
         """Return the lag with μ = 1 divided by the lag with μ = 0, keyed by method.
 
-        The result is the largest ratio of all parameters.
+        For each method, the largest lag ratio of all parameters is returned.
         """
         return {method: np.max(self.lags(method, mu=1.0) / self.lags(method)) for method in METHODS}
 
     def t63_over(self, *targets: float) -> Array:
-        """Return the settling times after a small step (p,) divided by the desired time constants.
+        """Return the settling times (p,) after a small step, divided by the desired time constants.
 
-        Δ is designed for the desired time constants `targets` [s]. The settling time is the time
-        until the error is below 37 % of the step.
+        The matrix Δ is designed for the desired time constants `targets` [s]. After the settling
+        time, the error is below 37 % of the step size.
         """
         return self.settled(self.steps("small ", targets), 0.37) / targets
 
     def slow_t63(self) -> Array:
-        """Return the worst ratios of `t63_over` (p,) for the designs in `SLOW`."""
+        """Return the worst ratios (p,) of `t63_over` for the designs in `SLOW`."""
         return worst([self.t63_over(*targets) for targets in SLOW])
 
     def slow_std(self) -> Array:
-        """Return the mean ratios (p,) of measured to predicted std for the designs in `SLOW`."""
+        """Return the mean ratios (p,) of measured to predicted standard deviation for `SLOW`."""
         return np.mean(
             [
                 std(self.filtered("calm", targets)) / self.claimed(self.steady_P(targets))

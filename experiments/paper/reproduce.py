@@ -1,4 +1,4 @@
-"""Reproduce the paper: check its claims, draw its figures, and write a page with the results."""
+"""Check the claims of the paper, draw its figures, and write a web page with the results."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -13,25 +13,25 @@ from flexaxis.experiments.running.progress import LINE, progress
 
 
 def reproduce(folder: Path) -> tuple[list[dict[str, Any]], Path]:
-    """Check every claim, and write the figures, a page and claims.json to a folder.
+    """Check all claims, and write the figures, a web page and claims.json to a folder.
 
     Parameters
     ----------
     folder : Path
-        Output folder, which is created if it does not exist.
+        Output folder, which the function creates if necessary.
 
     Returns
     -------
     claims : list of dict
-        Content of claims.json. Each claim has the keys ``id, claim, source, measured, expected,
-        holds``.
+        Content of the file claims.json. Each claim has the keys ``id``, ``claim``, ``source``,
+        ``measured``, ``expected`` and ``holds``.
     page : Path
-        Path of the page.
+        Path of the web page.
 
     Raises
     ------
     OutputError
-        If the folder cannot be written.
+        If the output folder cannot be written.
     """
     make_folder(folder)
     e, claims = Measures(), list[dict[str, Any]]()
@@ -49,11 +49,11 @@ def reproduce(folder: Path) -> tuple[list[dict[str, Any]], Path]:
 
 
 def render(e: Measures, claims: Sequence[Mapping[str, Any]]) -> str:
-    """Return the page with equations, figures and claims as HTML."""
+    """Return the HTML text of the web page with equations, figures and claims."""
     return page.render(
         "paper/templates/paper.html",
         looks={},
-        title="The paper, reproduced and checked",
+        title="Reproduction of the paper and check of its claims",
         e=e,
         claims=claims,
         figures={n: (page.drawn(draw, title, e), title, text)

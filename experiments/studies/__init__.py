@@ -1,4 +1,5 @@
-"""Studies and benchmarks: their definitions and the summaries of their results.
+"""Define studies and benchmarks, and summarize their results.
 
-`definition` reads a study from TOML; `benchmark` runs a study and writes its summary and report.
+The module `definition` reads a study from a TOML file. The module `benchmark` runs a study, and
+writes the summary and the report.
 """

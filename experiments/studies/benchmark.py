@@ -1,4 +1,4 @@
-"""Run a study or a benchmark, and write the summary and report to a folder."""
+"""Run a study or a benchmark, and write a summary and a report of the results."""
 
 import time
 from collections.abc import Iterator, Sequence
@@ -38,7 +38,7 @@ from flexaxis.sim.scenario import Scenario, scenario_from
 def working(
     folder: str | Path | None = None, *, dask: str | None = None, **options: Any
 ) -> Iterator[Runner]:
-    """Yield a runner with these options, on this machine or on a Dask cluster."""
+    """Yield a runner that runs estimators on this computer or on a Dask cluster."""
     with ExitStack() as stack:
         kept = default_cache()
         stack.enter_context(keep_nominal_runs(kept))
@@ -54,15 +54,16 @@ def working(
 def benchmark(
     suite: Suite, estimators: Sequence[str], seeds: Sequence[int], runner: Runner
 ) -> Results:
-    """Run a suite with its own or with other estimators.
+    """Run a suite of scenarios with the estimators of the suite or with other estimators.
 
     Parameters
     ----------
     suite : Suite
         Suite from `select`.
     estimators : sequence of str
-        Estimators to run instead of the suite's estimators; empty for the suite's estimators. A
-        scenario on which any of the given estimators cannot run is left out.
+        Estimators to run instead of the estimators of the suite. If the sequence is empty, the
+        estimators of the suite run. A scenario is omitted if one of the given estimators cannot run
+        on this scenario.
     seeds : sequence of int
         Seeds of the records.
     runner : Runner
@@ -72,7 +73,7 @@ def benchmark(
     if estimators:
         left_out = runner.misfits([*own, *swept], estimators)
         for name, reason in left_out.items():
-            remark(f"{name} is left out: {reason}")
+            remark(f"scenario {name} is omitted: {reason}")
         # If no scenario is left, running all of them raises the error.
         own = [s for s in own if s.name not in left_out] or own
         swept = [s for s in swept if s.name not in left_out]
@@ -88,21 +89,21 @@ def run(
     *,
     swept: tuple[Sequence[Scenario], Sequence[str]] = ((), ()),
 ) -> Results:
-    """Run the missing cases of a study; write the summary and the report, except for a shard.
+    """Complete a study, and write its summary and report unless the runner has a shard.
 
     Parameters
     ----------
     study : Study
-        Study to run; a study without axes is a run of a benchmark.
+        Study to run. A study without swept values is a benchmark.
     runner : Runner
         Runner for the cases.
     swept : (sequence of Scenario, sequence of str)
-        Scenarios and estimators to compare at equal noise, for the report of a run.
+        Scenarios and estimators for the comparison at equal noise in the benchmark report.
 
     Raises
     ------
     OutputError, StudyError, EstimatorCrash, NotRun
-        Under the same conditions as in `Runner.run`.
+        If `Runner.run` raises one of these exceptions.
     """
     tradeoff = {"scenarios": [s.resolved() for s in swept[0]], "estimators": list(swept[1])}
     about = {"title": study.name, "command": LINE.get(), "tradeoff": tradeoff}
@@ -113,7 +114,7 @@ def run(
 
 
 def merge(shards: Sequence[Path], folder: Path, **options: Any) -> None:
-    """Merge the results of shards in one folder, and write the report.
+    """Merge the results of several shards in one folder, and write the report.
 
     Parameters
     ----------
@@ -122,7 +123,7 @@ def merge(shards: Sequence[Path], folder: Path, **options: Any) -> None:
     folder : Path
         Folder for the merged results.
     **options
-        Options of the `Runner` that compares estimators at equal noise.
+        Options of the `Runner` for the comparison of estimators at equal noise.
     """
     with Runner(folder, **options) as runner:
         for shard in shards:
@@ -133,7 +134,7 @@ def merge(shards: Sequence[Path], folder: Path, **options: Any) -> None:
 
 
 def finish(results: Results, runner: Runner) -> None:
-    """Write the report on finished cases; for a run, also write summary.json with pooled scores."""
+    """Write the report; for a benchmark, also write summary.json with pooled scores."""
     assert results.folder is not None
     if not results.axes:
         study = results.study
@@ -155,7 +156,7 @@ def finish(results: Results, runner: Runner) -> None:
 
 
 def write_report(results: Results, path: Path) -> None:
-    """Write the report on a study, or (using the file summary.json) on a run."""
+    """Write the report of a study, or write the report of a benchmark from its summary.json."""
     html = (study_report.render(results) if results.axes
             else run_report.render(results, summary_of(results.folder or Path())))  # fmt: skip
     write_text(path, html)
@@ -163,21 +164,21 @@ def write_report(results: Results, path: Path) -> None:
 
 def _describe(text: str) -> str:
     name = text.partition("[")[0].strip()
-    return REGISTRY[name].summary if name in REGISTRY else "an estimator of your own"
+    return REGISTRY[name].summary if name in REGISTRY else "an estimator that the user provides"
 
 
 def swept(
     scenarios: Sequence[Scenario], estimators: Sequence[str], seeds: Sequence[int], runner: Runner
 ) -> dict[str, Any]:
-    """Return the data for the figure of lag against noise, and the lags at equal noise.
+    """Compute the data for the figure of lag over noise, and the lags of estimators at equal noise.
 
     Parameters
     ----------
     scenarios : sequence of Scenario
         Scenarios with faults.
     estimators : sequence of str
-        Estimators to compare; the reference is added. An estimator that fails at any setting of the
-        first sweep is left out.
+        Estimators to compare. The function adds the reference estimator. An estimator is omitted if
+        it fails for one setting of the first sweep.
     seeds : sequence of int
         Seeds of the records.
     runner : Runner
@@ -199,14 +200,15 @@ def swept(
 
 
 def plan(path: Path) -> dict[str, Any]:
-    """Return the size of a study, and an estimate of its duration from a run of one seed.
+    """Return the size of a study, and estimate its computing time from a run with one seed.
 
     Returns
     -------
     dict
-        ``variants`` is a list of dicts with a scenario and the swept values, ``cases`` is the
-        number of cases, ``seconds`` is the estimated time on one core [s], based on registered
-        estimators, and ``megabytes`` is the size of the rows [MB].
+        The list ``variants`` contains one dict for each scenario and each combination of swept
+        values. The number ``cases`` is the number of runs. The number ``seconds`` is the estimated
+        computing time on one core [s], based on registered estimators. The number ``megabytes`` is
+        the size of the results [MB].
     """
     study = load_study(path)
     first = units(study)[0]

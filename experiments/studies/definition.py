@@ -1,4 +1,4 @@
-"""Read a study from a TOML file: scenarios, estimators, seeds, and the grid of swept values."""
+"""Read a study from a TOML file: scenarios, estimators, seeds and swept values."""
 
 import re
 from collections.abc import Mapping
@@ -21,24 +21,24 @@ from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.tables.config import Config, Word
 
 FIRST = 1000
-"""First seed for reported results; seeds 0 to 99 are for tuning."""
+"""First random seed for reported results; seeds 0 to 99 are reserved for tuning."""
 MOST = 100_000  # largest number of seeds
 
 
 def seed_of(seed: Any) -> int:
-    """Return a seed, or raise an error if the seed is not a whole number from 0 to 2^63 − 1."""
+    """Return the seed, or raise an error if the seed is not an integer from 0 to 2^63 − 1."""
     if not isinstance(seed, int | np.integer) or not 0 <= seed < 2**63:
-        raise FlexaxisError(f"seed {seed!s:.40}: give a whole number from 0 to 2^63 - 1")
+        raise FlexaxisError(f"seed {seed!s:.40}: a seed must be an integer from 0 to 2^63 - 1")
     return int(seed)
 
 
 def seeds_of(seeds: Any, default: int = 8) -> tuple[int, ...]:
-    """Return seeds, given a number N (1000 … 1000+N−1), a range "A:B" (A … B−1), or a list.
+    """Return the seeds, given a number N (1000 … 1000+N−1), a range "A:B" (A … B−1), or a list.
 
     Raises
     ------
     FlexaxisError
-        If the seeds have none of these forms, or if there are too many seeds.
+        If `seeds` is not a number, a range or a list, or if there are too many seeds.
 
     Examples
     --------
@@ -55,14 +55,14 @@ def seeds_of(seeds: Any, default: int = 8) -> tuple[int, ...]:
         result = range(0)
     if not result or result[0] < 0 or len(result) > MOST:
         raise FlexaxisError(
-            f"seeds {text!r}: give a number of seeds, such as 8, or a range such as 1000:1030 "
-            f"(which excludes 1030), with at most {MOST} seeds"
+            f"seeds {text!r}: give a number of seeds, such as 8, or a range, such as 1000:1030 "
+            f"(without 1030). The largest number of seeds is {MOST}"
         )
     return tuple(result)
 
 
 def texts_of(estimators: Any) -> tuple[str, ...]:
-    """Return the texts of one or several estimators; the text of a class contains its name."""
+    """Return the texts that specify estimators; the text of a class contains its name."""
     one = isinstance(estimators, str) or callable(estimators)
     return tuple(dict.fromkeys(map(specs.text_of, [estimators] if one else estimators)))
 
@@ -72,7 +72,7 @@ def _one_or_more(value: Any) -> Any:
 
 
 def _flat(value: Any) -> Any:
-    """Flatten nested tables to dotted keys: without quotes, TOML reads a.b as a nested table."""
+    """Flatten nested tables to dotted keys; TOML reads an unquoted a.b as a nested table."""
     if not isinstance(value, Mapping):
         return value
     result: dict[str, Any] = {}
@@ -85,7 +85,7 @@ def _flat(value: Any) -> Any:
 
 
 def _estimator(text: str) -> str:
-    """Check the text that specifies an estimator, without importing user code."""
+    """Check the text that specifies an estimator, without importing any user code."""
     specs.written_options(text) if names_code(text) else specs.parse(text)
     return text
 
@@ -100,7 +100,7 @@ Axes = Annotated[dict[str, Annotated[list[Any], Field(min_length=1)]], BeforeVal
 
 
 class StudyFile(Config):
-    """The keys of a study file; docs/studies.md explains each key."""
+    """Keys of a study file, which the page docs/studies.md explains."""
 
     name: Word = "study"
     scenario: Annotated[
@@ -118,16 +118,19 @@ class StudyFile(Config):
 
 
 BLANK = {"scenario": (), "estimators": (), "seeds": 1}
-"""Values that replace missing or invalid values while the other keys are checked."""
+"""Values that replace missing or invalid values during the check of all other keys."""
 
 
 def load_study(path: str | Path) -> Study:
-    """Read a study from a TOML file; paths of scenario files are relative to the file's folder.
+    """Read a study from a TOML file.
+
+    The paths of scenario files are relative to the folder of the study file.
 
     Raises
     ------
     StudyError
-        If the file has problems; the message has one line per problem, with file and key.
+        If the study file is invalid. The message contains one line for each problem, with file and
+        key.
     """
     path = Path(path)
     content = {"name": path.stem} | read_toml(path, StudyError)
@@ -137,21 +140,21 @@ def load_study(path: str | Path) -> Study:
 def study_from(
     content: Mapping[str, Any], *, source: str = "study", folder: Path = Path()
 ) -> Study:
-    """Return a study, given the same keys and values as in a TOML file.
+    """Create a study from keys and values, such as the content of a study file.
 
     Parameters
     ----------
     content : mapping
         Keys and values of the study.
     source : str
-        Name of the study in messages.
+        Name of the study in error messages.
     folder : Path
-        Folder in which scenario files are looked up before the current folder.
+        Folder that is searched for scenario files before the current folder.
 
     Raises
     ------
     StudyError
-        If the study has problems; the message has one line per problem.
+        If a key or value is invalid. The message contains one line for each problem.
     """
     problems: list[tuple[object, str]] = []
     try:
@@ -169,7 +172,7 @@ def study_from(
             axes[key] = values
         elif file.estimators:
             hint = did_you_mean(first, [*file.estimators, ALL, *Scenario.model_fields])
-            problems.append((f"sweep.{key}", f"not a key of a scenario or an estimator.{hint}"))
+            problems.append((f"sweep.{key}", f"no scenario or estimator has this key.{hint}"))
     points = tuple(dict(zip(axes, values, strict=True)) for values in product(*axes.values()))
     try:
         scenarios = tuple(each.override(file.override) for each in file.scenario)

@@ -97,8 +97,8 @@ class LuGreConfig(Nonlinearity):
         F = \sigma_0 z + \sigma_1 \dot z, \quad \dot z = v - \sigma_0 |v| z / g(v), \quad
         g(v) = F_c + (F_s - F_c) e^{-(v/v_s)^2}
 
-    (Canudas de Wit et al., IEEE Trans. AC 40, 1995, 419-425). The axis parameter f_m adds
-    viscous friction.
+    (Canudas de Wit et al., IEEE Transactions on Automatic Control 40, 1995, 419-425). The axis
+    parameter f_m adds viscous friction.
 
     Attributes
     ----------
@@ -163,7 +163,7 @@ class StaticFrictionConfig(_CompiledLaw):
 
     .. math:: \tau = (F_c + F_{cs} / \cosh(\alpha v)) \tanh(\beta v)
 
-    (E. Wernholt and S. Gunnarsson, *Nonlinear identification of a physically parameterized robot
+    (Wernholt and Gunnarsson, *Nonlinear identification of a physically parameterized robot
     model*, SYSID 2006). The axis parameter f_m adds viscous friction.
 
     Attributes
@@ -237,11 +237,11 @@ class GearFrictionConfig(_CompiledLaw):
                 + (f_s + |\mu_{es} \tau_g - \mu_{ms} u|) e^{-|v/v_s|^\alpha}] \tanh(v/v_0)
 
     In this equation, u is the motor torque and τ_g is the gear spring torque on the motor side. The
-    friction law is model M5 of M. Duclusaud, G. Passault, V. Padois and O. Ly, *Extended friction
-    models for the physics simulation of servo actuators*, arXiv:2410.08650, with tanh instead of
-    the sign function. The axis parameter f_m adds viscous friction. The motor torque and the gear
-    torque have separate coefficients. Therefore the friction depends on whether the motor drives
-    the load or the load drives the motor.
+    friction law is model M5 of Duclusaud et al., *Extended friction models for the physics
+    simulation of servo actuators*, arXiv:2410.08650, with tanh instead of the sign function. The
+    axis parameter f_m adds viscous friction. The motor torque and the gear torque have separate
+    coefficients. Therefore the friction depends on whether the motor drives the load or the load
+    drives the motor.
 
     Attributes
     ----------

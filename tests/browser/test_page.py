@@ -96,4 +96,4 @@ def test_a_page_of_another_origin_is_refused(browser, address, tmp_path):
             assert sorted(browser.run("window.found")) == result
         server.shutdown()
     browser.open(address.replace("127.0.0.1", "rebound.test"))
-    browser.wait("document.body?.innerText.includes('refused: this is not')", "refusal")
+    browser.wait("document.body?.innerText.includes('refused: this page')", "refusal")

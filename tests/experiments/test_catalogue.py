@@ -65,7 +65,7 @@ def test_a_name_is_frozen_with_its_content(catalogue):
     catalogue(STEP, LINE)
     assert find_scenario("fm_step-v1").fault[0].factor == 1.5
     catalogue(STEP.replace("factor = 1.5", "factor = 1.6"), LINE)
-    with pytest.raises(ScenarioError, match=r"4728e23aa5f4f744\. Give a changed"):
+    with pytest.raises(ScenarioError, match=r"4728e23aa5f4f744\. Use a new name"):
         find_scenario("fm_step-v1")
 
 

@@ -109,7 +109,7 @@ MISTAKES = [
     (["check", "frozn"], "Did you mean 'frozen'"),
     (["new", "sub/x.py"], "sub/x.py: cannot be written"),
     (["new", "my-estimator.py"], "a file name that Python can import"),
-    (["simulate", "fm_step", "--seed", "-1"], "seed -1: give a whole number"),
+    (["simulate", "fm_step", "--seed", "-1"], "seed -1: a seed must be an integer"),
     (["simulate", "missing.toml"], "missing.toml"),
     (["simulate", "fm_step", "--gaps", "2"], "add --as-log"),
     (["simulate", "fm_step", "--as-log", "csv", "--units", "deg,furlong"], "furlong"),

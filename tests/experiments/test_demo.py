@@ -181,8 +181,8 @@ def test_wrong_use_is_one_line_and_status_2(capsys, tmp_path, monkeypatch):
     (tmp_path / "a.toml").write_text("[[act]]\nat = 1.0\n")
     monkeypatch.setitem(sys.modules, "mjviser", None)
     for words, message in (
-        ([str(tmp_path / "a.toml")], "needs `at` and `do`"),
-        (["--estimator", "ekf"], "give two"),
+        ([str(tmp_path / "a.toml")], "needs the keys `at` and `do`"),
+        (["--estimator", "ekf"], "the demo needs 2 estimators"),
         (["--no-browser"], "pip install -e '.[demo]'"),
     ):
         assert main(["demo", *words]) == 2
