@@ -112,7 +112,7 @@ def full_name(name: str) -> str:
 
 
 def check_names(names: Iterable[str]) -> None:
-    """Raise a ScenarioError with one line for each name without a scenario, suite or file."""
+    """Raise a ScenarioError if any name is not the name of a scenario, a suite or a file."""
     known = {*hashes(), *suite_names()}
     if wrong := [n for n in names if full_name(n) not in known and not Path(n).is_file()]:
         raise ScenarioError(*map(_unknown, wrong))
@@ -169,7 +169,7 @@ def _frozen(scenario: Scenario, name: str) -> Scenario:
     if frozen_hash is None:
         raise ScenarioError(
             f"{name}: the scenario has no frozen hash. When the scenario is final, add the line "
-            f'"{name}" = "{result}" to {HOME / HASHES}. Until then, use the path of its file'
+            f'"{name}" = "{result}" to {HOME / HASHES}. Before that, use the path of its file'
         )
     if frozen_hash != result:
         raise ScenarioError(
@@ -215,8 +215,8 @@ def select(names: Any, *, default: str = "smoke") -> Suite:
         Names of suites, names of scenarios, paths of scenario files and Scenario objects, in any
         combination.
     default : str
-        Name of a suite. If `names` does not contain a suite, this suite determines the estimators
-        and the number of seeds.
+        Name of a suite. If `names` does not contain a suite, the suite `default` determines the
+        estimators and the number of seeds.
 
     Raises
     ------

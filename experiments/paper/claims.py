@@ -1,8 +1,8 @@
 """Check the claims of the paper.
 
 The file ``claims.toml`` contains the text of each claim, the measure that tests the claim, and
-limits of the measured values. This module contains conditions on the measured values that limits
-cannot express.
+limits of the measured values. If limits are not sufficient to test a claim, this module contains an
+additional condition.
 """
 
 import tomllib
@@ -17,7 +17,7 @@ from flexaxis.experiments.paper.measures import Measures
 from flexaxis.experiments.scoring.scores import finite
 
 CLAIMS = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
-"""Claims of the paper in the order of the paper, keyed by the id of the claim."""
+"""Claims in the same order as in the paper, keyed by the id of the claim."""
 PEAKS = (95.0, 125.0, 185.0)
 """Frequencies of the torque spectrum peaks according to the paper [rad/s]."""
 
@@ -51,7 +51,7 @@ CONDITIONS: Mapping[str, Callable[[pd.Series], Any]] = {
     "regularisation-stops-the-burst": lambda burst: burst["μ = 0"] > 100 and burst["μ = 1"] < 20,
     "reset-can-be-too-large": lambda loss: loss.max() > 3,
 }
-"""Conditions on the measured values that limits cannot express, keyed by the id of the claim."""
+"""Additional conditions for claims that limits alone cannot test, keyed by the id of the claim."""
 
 
 def holds(name: str, measured: pd.Series) -> bool:

@@ -1,7 +1,7 @@
 """Provide the data for the paper's claims: runs simulated with MuJoCo, and parameter estimates.
 
-No estimator has been tuned on the seeds of these runs. Each record and each estimate is computed
-when it is first used.
+The seeds of the simulated runs were not used to tune any estimator. Each record and each estimate
+is computed when it is first used.
 """
 
 from collections.abc import Mapping, Sequence
@@ -27,7 +27,7 @@ ByName = Mapping[str, Any]
 Method = str | tuple[float, ...]
 
 FAULTS = {"k_T": ("kt_step-v1", 0.97), "1/J_a": ("ja_step-v1", 1.02), "f_m": ("fm_step-v1", 1.1)}
-"""Name of the scenario with a step fault of each parameter, and factor of a smaller step.
+"""Scenario with a step of each parameter, and factor of a smaller step, keyed by parameter.
 
 The factor of the smaller step multiplies k_T, J_a or f_m. The smaller step is small enough for
 linear theory, but much larger than the noise.

@@ -97,7 +97,7 @@ FIGURES: Mapping[str, tuple[Any, str, str]] = {
     "fig6": (
         partial(estimates, "forgetting"),
         "Figure 6. Estimates with forgetting",
-        "The line shows one run, and the band shows the range from 10 to 90 % of all runs.",
+        "The line shows one run, and the band shows the 10th to 90th percentiles of all runs.",
     ),
     "fig7": (
         partial(diagonal, "forgetting"),
@@ -107,7 +107,7 @@ FIGURES: Mapping[str, tuple[Any, str, str]] = {
     "fig8": (
         partial(estimates, "modification"),
         "Figure 8. Estimates with covariance modification",
-        "The line shows one run, and the band shows the range from 10 to 90 % of all runs.",
+        "The line shows one run, and the band shows the 10th to 90th percentiles of all runs.",
     ),
     "fig9": (
         partial(diagonal, "modification"),

@@ -99,7 +99,7 @@ class Measures(Evidence):
                 for i, j in np.argwhere(slope)}  # fmt: skip
 
     def gradient_error(self) -> ByName:
-        """Return the relative error of ψ for each parameter, using a finite difference of ŷ."""
+        """Compare ψ with a finite difference of ŷ, and return the relative error per parameter."""
         model = self.axis.parametrize(self.axis.parameters)
         torque = self.records("nominal")[0].torque[:WINDOW]
         both = partial(predict, model, u=torque, period=self.period)
@@ -166,7 +166,7 @@ class Measures(Evidence):
         """Return the largest relative difference between two off-line results, and their warnings.
 
         The two searches start at 1.2 and 1.5 times the nominal parameters. The value ``warnings``
-        is the number of all warnings.
+        is the total number of warnings from both searches.
         """
         near, other = self.offline[0], self.identified(self.names, 1.5)
         difference = np.abs(near.theta / other.theta - 1).max()
@@ -175,7 +175,7 @@ class Measures(Evidence):
     def far_starts(self) -> ByName:
         """Return the residual correlation for each search with initial values far from nominal.
 
-        The correlation is replaced by 0 if the search does not warn of a local minimum.
+        The returned value is 0 if the search does not warn of a local minimum.
         """
         runs = {f"{start:g}×": self.identified(self.names, start) for start in (0.5, 0.7, 2.0)}
         return {
@@ -227,7 +227,7 @@ class Measures(Evidence):
         return np.array([settling(error, level, self.period) for error in medians], float)
 
     def times(self, method: str, level: float) -> Array:
-        """Return the times (p,) [s] until median error / initial error is below `level`."""
+        """Return the settling times (p,) [s] of the median error relative to the initial error."""
         errors = (self.runs(method).theta - 1) / (self.scenario.start - 1)
         return self.settled(errors.transpose(2, 0, 1), level)
 

@@ -89,7 +89,7 @@ def run(
     *,
     swept: tuple[Sequence[Scenario], Sequence[str]] = ((), ()),
 ) -> Results:
-    """Complete a study, and write its summary and report unless the runner has a shard.
+    """Complete a study; write the summary and report if the study is not split into shards.
 
     Parameters
     ----------
@@ -177,8 +177,8 @@ def swept(
     scenarios : sequence of Scenario
         Scenarios with faults.
     estimators : sequence of str
-        Estimators to compare. The function adds the reference estimator. An estimator is omitted if
-        it fails for one setting of the first sweep.
+        Estimators to compare. The function adds the reference estimator to the comparison. The
+        function omits an estimator that fails for any setting in the first sweep.
     seeds : sequence of int
         Seeds of the records.
     runner : Runner

@@ -172,7 +172,7 @@ def study_from(
             axes[key] = values
         elif file.estimators:
             hint = did_you_mean(first, [*file.estimators, ALL, *Scenario.model_fields])
-            problems.append((f"sweep.{key}", f"no scenario or estimator has this key.{hint}"))
+            problems.append((f"sweep.{key}", f"no scenario and no estimator has this key.{hint}"))
     points = tuple(dict(zip(axes, values, strict=True)) for values in product(*axes.values()))
     try:
         scenarios = tuple(each.override(file.override) for each in file.scenario)

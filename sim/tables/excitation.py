@@ -74,9 +74,9 @@ class Multisine(Config):
     def sampling_problems(self, period: float) -> Iterator[tuple[str, str]]:
         """Yield the name and a message for each key that conflicts with the sampling period [s]."""
         if self.high * period >= 0.5:
-            yield "high", f"must be below half the sampling rate ({0.5 / period:g} Hz)"
+            yield "high", f"the frequency must be below half the sampling rate, {0.5 / period:g} Hz"
         if abs(self.period / period - sample_index(self.period, period)) > 1e-6:
-            yield "period", f"must be a multiple of the sampling period, {1000 * period:g} ms"
+            yield "period", f"the period must be a multiple of a sample, {1000 * period:g} ms"
 
     def one_period(self, rng: np.random.Generator, period: float) -> Array:
         """Return one period of a multisine with random phases [rad], sampled every `period` s."""

@@ -20,13 +20,14 @@ Array = NDArray[np.float64]
 def changeable(names: Iterable[str]) -> tuple[str, ...]:
     """Return the names of the parameters that can change during a run.
 
-    These parameters are all `names` except the gear ratio r, and all nonlinear parameters.
+    All parameters in `names` except the gear ratio r can change. All nonlinear parameters can also
+    change.
     """
     return (*(name for name in names if name != "r"), *LAW_NAMES)
 
 
 Parameter = str
-"""Type of the name of a `changeable` parameter, which `Scenario` checks."""
+"""Type of a parameter name; `Scenario` checks that the parameter is `changeable`."""
 
 # A number above 100 is likely a percentage or a parameter value, and not a factor.
 Factor = Annotated[float, Field(ge=0, le=100)]
@@ -58,7 +59,7 @@ class Step(Config):
         Onset time of the fault [s], rounded to a sample. The parameter has its new value from the
         onset sample onwards.
     factor : float
-        Ratio of the new value to the previous value.
+        Ratio of the new parameter value to the previous value.
     """
 
     kind: Literal["step"] = "step"
@@ -140,7 +141,7 @@ class Thermal(Config):
     factor: Factor
 
     def factor_at(self, grid: Grid) -> Array:
-        """Return the mean factor (N,) during each sample."""
+        """Return the mean factor (N,) of the parameter during each sample."""
         k = np.maximum(grid.k - grid.index(self.at), -1)
         decay = np.exp(-grid.period / self.time_constant)
         left = decay**k * (1 - decay) * self.time_constant / grid.period
@@ -214,8 +215,8 @@ class Profile(Config):
         has its old value.
     points : tuple of (float, float)
         Corners of the profile. Each corner is a time since the onset [s] and the completed fraction
-        of the change (0 to 1). The times are rounded to samples, and two times must differ by at
-        least one sample. After the last corner, the parameter remains constant.
+        of the change (0 to 1). The corner times are rounded to samples, and two corner times must
+        differ by at least one sample. After the last corner, the parameter remains constant.
     factor : float
         Ratio of the parameter value after the complete change to the value before the onset.
     """
