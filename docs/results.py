@@ -62,7 +62,7 @@ def table(rows: pd.DataFrame) -> str:
 
 
 def cell(row: dict) -> str:
-    """Return a table cell with the lag, the bias, the noise, the detections and lost runs."""
+    """Return a table cell with the lag, bias, noise, detections and number of diverged runs."""
     bounds = [row[name] for name in ("lag_bound", "lag_bound_learnt") if row[name] > 0]
     ratios = "/".join(f"{row['lag'] / bound:.2g}" for bound in bounds)
     times = f" ({ratios} ×)" if bounds else ""
@@ -96,7 +96,7 @@ def write(rows: pd.DataFrame, seeds: str) -> None:
 
 
 def draw_picture() -> None:
-    """Draw the median and the 10–90 % range of two estimators around a fault, over thirty runs."""
+    """Draw the medians and 10–90 % ranges of the estimates of two estimators around a fault."""
     scenario, window = find_scenario("fm_step-v1"), (5.0, 20.0)
     seeds = tuple(range(1000, 1030))
     study = Study("fm_step", (scenario,), ("rpem-forgetting", RECOMMENDED), seeds)

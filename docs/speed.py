@@ -28,7 +28,7 @@ UNIT = "rpem-forgetting"
 
 
 def micro(work, samples):
-    """Return the computing time per sample [µs], as the shorter time of two measurements."""
+    """Measure the computing time per sample [µs] twice, and return the shorter time."""
     times = []
     for _ in range(2):
         start = time.thread_time()

@@ -4,7 +4,7 @@ Two estimators after a 50 % increase in motor friction at 10 s
 
 The method with a forgetting factor adapts all parameters with a memory of one second. The estimator
 `glr` determines which parameter jumped, and changes only the estimate of this parameter. The bands
-are ±2 standard deviations wide, according to the estimators.
+are the ±2σ intervals that the estimators report.
 """
 
 import flexaxis as fx

@@ -110,7 +110,7 @@ for label, run in motions.items():
 # %% Check
 print(
     f"check: the error of the linear estimator is {seen / expected:.2f} times the expected error, "
-    f"and the other estimator identifies {hits} of 6 faults"
+    f"and glr identifies {hits} of 6 faults"
 )
 assert 0.9 < seen / expected < 1.25
 assert np.abs(off).max() < 0.03

@@ -1,4 +1,4 @@
-"""Sphinx configuration for `make site`. The source folder is the root of the repository."""
+"""Sphinx configuration for `make site`. The pages come from the whole repository."""
 
 import re
 import sys

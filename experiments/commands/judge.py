@@ -20,7 +20,7 @@ def compare(args: Args) -> int:
     explains the statistics.
 
     With --match-std, the command tunes both estimators to the noise of rpem-forgetting, and
-    compares only the lag. With this option, both estimators need a tuning parameter
+    compares only the lag. With --match-std, both estimators need a tuning parameter
     (docs/scores.md).
 
     exit status: 0 no regression; 1 worse; 2 wrong use; 70 a crash; 3 undecided (only with --strict,
@@ -71,8 +71,8 @@ def tune(args: Args) -> int:
     values of the tuning parameter, from 1/1024 to 1024 times the default.
 
     With --sweep, the command instead runs the estimators with several settings on a scenario with a
-    fault. The command then prints the lag and noise of each setting, draws a figure, and prints the
-    lag of each estimator at the noise level of the reference.
+    fault. The command then prints the lag and noise of each setting, and draws a figure. The
+    command also prints the lag of each estimator at the noise level of the reference.
 
     example:
       flexaxis tune ekf

@@ -119,8 +119,8 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "--shard I/N": ("Divide the runs into N shards, and execute only shard I. The command "
                     "`flexaxis run --from` merges finished shards (default: 1/1).",
                     {"type": part, "default": (1, 1)}),
-    "--from DIR": ("Folders of finished shards. The command merges these shards in the output "
-                   "folder, and runs no estimator (default: none).",
+    "--from DIR": ("Folders of finished shards. The command merges the shards in the output "
+                   "folder, and runs no estimators (default: no folder).",
                    {"dest": "shards", "nargs": "+", **PATH}),
     "--overwrite": "Delete the old results in the output folder first (default: keep the old "
     "results, and add only missing runs).",
@@ -180,7 +180,7 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     ),
     "--covariate NAME": ("Column with a quantity that can explain differences between the logs in "
                          "a folder, such as a temperature. Repeat the option for several columns "
-                         "(default: none).", SEVERAL),
+                         "(default: no column).", SEVERAL),
     "--false-alarms P": ("Probability that the report on a folder of logs shows a change although "
                          "no parameter changed (default: 0.01).",
                          {"type": float, "default": 0.01}),
