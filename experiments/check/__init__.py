@@ -1,5 +1,5 @@
-"""Check an estimator against rules, and provide templates for new estimators.
+"""Check whether an estimator follows the benchmark rules, and provide templates for estimators.
 
-The module `check` contains one function for each rule. The module `template` copies one of the
-`templates` to a new file, which a user can then change.
+The module `check` contains one function for each rule that an estimator must follow. The module
+`template` copies a working template estimator to a new file for the user to edit.
 """

@@ -1,9 +1,9 @@
-"""Check an estimator against the rules that are necessary for valid scores.
+"""Check whether an estimator follows the rules that are necessary for valid scores.
 
-For each rule, a function constructs new estimators, runs them on a simulated record, and returns
-two values. The first value is True if the estimator follows the rule, False if the estimator breaks
-the rule, and None if the rule does not apply. The second value is a text that describes the
-observation.
+The function for a rule runs new instances of the estimator on a simulated record, and returns the
+outcome of the check and a text. The outcome is True if the estimator follows the rule, False if the
+estimator breaks the rule, and None if the rule does not apply. The text describes the behaviour of
+the estimator.
 """
 
 import time
@@ -38,7 +38,7 @@ SLACK = 1e-9  # tolerance for asymmetry and negative eigenvalues due to rounding
 
 
 class Subject:
-    """An estimator that is checked, and the record on which it is checked."""
+    """An estimator under test, and the record on which the rules are checked."""
 
     def __init__(self, spec: Spec, scenario: Scenario, record: Record) -> None:
         self.spec, self.scenario, self.u = spec, scenario, record.torque
@@ -53,24 +53,24 @@ class Subject:
         return build(self.spec, self.scenario)
 
     def run(self, u: Array, y: Array) -> Array:
-        """Return the estimates (N, p) of a new estimator that receives copies of u and y."""
+        """Run a new instance of the estimator on copies of u and y; return the estimates (N, p)."""
         return run_estimator(self.make(), u.copy(), y.copy())
 
     @cached_property
     def theta(self) -> Array:
-        """Estimates (N, p) from the unchanged record."""
+        """Estimates (N, p) for the unmodified record."""
         return self.run(self.u, self.y)
 
     @cached_property
     def nominal(self) -> Array:
-        """Absolute values (p,) of the first estimates, which scale differences between runs."""
+        """Absolute values (p,) of the first estimates, for normalising differences between runs."""
         sizes = np.abs(self.theta[0])
         return np.where(np.isfinite(sizes) & (sizes > 0), sizes, 1.0)
 
     def gaps(self, one: Array, other: Array) -> Array:
-        """Return the largest difference (N,) between two runs' estimates (N, p) at each sample.
+        """Return the largest difference (N,) between the estimates (N, p) of two runs per sample.
 
-        The differences are relative to `nominal`.
+        The differences between the estimates are divided by `nominal`.
         """
         with np.errstate(invalid="ignore", over="ignore"):
             gap = np.abs(one - other) / self.nominal
@@ -84,8 +84,8 @@ class Subject:
     def error(self, theta: Array) -> float:
         """Return the relative rms error of the estimates before the fault.
 
-        The error includes only parameters with known true values. The error is infinite if an
-        estimate is not finite.
+        The rms error includes only parameters with known true values. The rms error is infinite if
+        any estimate is not finite.
         """
         with np.errstate(invalid="ignore", over="ignore"):
             errors = (theta[:, self.known] - self.truth) / self.truth[0]
@@ -94,7 +94,7 @@ class Subject:
 
 
 def step(estimator: Estimator, u: Array, y: Array, gap: slice = slice(0)) -> Array:
-    """Return the estimates (N, p) from N calls of `step`, with y = None for samples in `gap`."""
+    """Return the estimates (N, p) from N calls to `step`, with y = None at the samples in `gap`."""
     values: list[float | None] = y.tolist()
     values[gap] = [None] * len(values[gap])
     pairs = zip(u.tolist(), values, strict=True)
@@ -111,35 +111,35 @@ def shapes(subject: Subject) -> Seen:
 
 
 def finite(subject: Subject) -> Seen:
-    """Check that all estimates are finite, both with and without a spike in one sample of y."""
+    """Check that all estimates are finite, even if one sample of y contains a spike."""
     spiked = subject.y.copy()
     spiked[GAP.start] += 20 * spiked.std()
-    for y, where in ((subject.y, "the record"), (spiked, "a spike of 20 standard deviations")):
+    for y, where in ((subject.y, "on the record"), (spiked, "after a spike in y")):
         if not np.isfinite(subject.run(subject.u, y)).all():
-            return False, f"some estimates are not finite with {where}"
+            return False, f"some estimates are not finite {where}"
     return True, "all estimates are finite, even with a spike in y"
 
 
 def deterministic(subject: Subject) -> Seen:
     """Check that two runs on the same record give the same estimates."""
     apart = subject.apart(subject.run(subject.u, subject.y), subject.theta)
-    return apart == 0, f"two runs differ by {apart:.2g} (relative to nominal)"
+    return apart == 0, f"the relative difference between two identical runs is {apart:.2g}"
 
 
 def step_equals_run(subject: Subject) -> Seen:
-    """Check that `run` gives the same estimates as `step`, and as `step` followed by `run`."""
+    """Check that the estimates do not depend on whether the caller uses `run`, `step` or both."""
     mixed, half = subject.make(), len(subject.u) // 2
     if not hasattr(mixed, "run"):
-        return None, "the estimator has no method run"
+        return None, "the estimator has no run method"
     first = step(mixed, subject.u[:half], subject.y[:half])
     theta = np.vstack([first, run_estimator(mixed, subject.u[half:], subject.y[half:])])
     each = step(subject.make(), subject.u, subject.y)
     apart = max(subject.apart(t, subject.theta) for t in (each, theta))
-    return apart < 1e-9, f"estimates of step and run differ by {apart:.2g} (relative to nominal)"
+    return apart < 1e-9, f"the relative difference between step and run is {apart:.2g}"
 
 
 def no_look_ahead(subject: Subject) -> Seen:
-    """Check that past estimates do not change if future samples change."""
+    """Check that no estimate depends on future samples."""
     random = np.random.default_rng(0)
 
     def other(x: Array) -> Array:  # samples with a different mean, spread and distribution
@@ -151,14 +151,14 @@ def no_look_ahead(subject: Subject) -> Seen:
         wrong = np.flatnonzero(~(apart < 1e-12))
         if wrong.size:
             return False, (
-                f"a change of the samples after {cut} changed the estimate at sample {wrong[0]}, "
-                f"{cut + 1 - wrong[0]} samples earlier, by {apart[wrong].max():.2g} × nominal"
+                f"a change after sample {cut} changed the estimate at sample {wrong[0]}, which is "
+                f"{cut + 1 - wrong[0]} samples earlier, by {apart[wrong].max():.2g} of nominal"
             )
-    return True, f"no estimate changed when later samples ({', '.join(map(str, CUTS))} …) changed"
+    return True, f"changes after samples {', '.join(map(str, CUTS))} affected no earlier estimate"
 
 
 def keeps_no_reference(subject: Subject) -> Seen:
-    """Check that the estimator keeps no reference to inputs, and changes no inputs or outputs."""
+    """Check that the estimator stores copies of its inputs, and modifies no inputs or outputs."""
     u, y, half = subject.u.copy(), subject.y.copy(), len(subject.u) // 2
     reused, kept = subject.make(), subject.make()
     run_estimator(reused, u[:half], y[:half])
@@ -171,32 +171,32 @@ def keeps_no_reference(subject: Subject) -> Seen:
     before = np.array(first, float)
     step(estimator, subject.u[1:500], subject.y[1:500])
     faults = {
-        "run writes into its input arrays": not intact,
-        "overwriting past inputs changed later estimates": subject.apart(rest, expected) > 0,
-        "an array that step returned changes later": not np.array_equal(first, before),
+        "run modifies its input arrays": not intact,
+        "overwriting old input arrays changed later estimates": subject.apart(rest, expected) > 0,
+        "an array returned by step changes later": not np.array_equal(first, before),
     }
     seen = [text for text, wrong in faults.items() if wrong]
-    return not seen, ", ".join(seen) or "inputs and outputs are copies"
+    return not seen, ", ".join(seen) or "the estimator copies its inputs and outputs"
 
 
 def reset(subject: Subject) -> Seen:
     """Check that a run after `reset` gives the same estimates as the first run."""
     estimator = subject.make()
     if not hasattr(estimator, "reset"):
-        return None, "the estimator has no method reset"
+        return None, "the estimator has no reset method"
     run_estimator(estimator, subject.u, subject.y)
     estimator.reset()
     apart = subject.apart(run_estimator(estimator, subject.u, subject.y), subject.theta)
-    return apart < 1e-9, f"runs before and after reset differ by {apart:.2g} (relative to nominal)"
+    return apart < 1e-9, f"the relative difference before and after reset is {apart:.2g}"
 
 
 def survives_a_gap(subject: Subject) -> Seen:
     """Check that estimates stay finite and nearly constant if y is missing for 100 samples."""
     theta = step(subject.make(), subject.u, subject.y, GAP)
     if not np.isfinite(theta).all():
-        return False, "estimates are not finite after the gap"
+        return False, "some estimates are not finite after y was missing"
     moved = subject.apart(theta[GAP], theta[GAP.start - 1])
-    return moved <= 0.1, f"estimates move by {moved:.1%} of nominal while y is missing"
+    return moved <= 0.1, f"the estimates change by up to {moved:.1%} while y is missing"
 
 
 def covariance(subject: Subject) -> Seen:
@@ -212,12 +212,12 @@ def covariance(subject: Subject) -> Seen:
             R = C / np.outer(scale, scale)
             if np.abs(R - R.T).max() <= SLACK and np.linalg.eigvalsh(R).min() >= -SLACK:
                 continue
-        return False, f"the covariance at sample {k} is not symmetric, finite and positive: {C}"
+        return False, f"covariance at sample {k} is not symmetric and positive semidefinite: {C}"
     return True, "the covariance is symmetric and positive semidefinite at every sample"
 
 
 def cost(subject: Subject) -> Seen:
-    """Check that a call of `step` takes less time than a sampling period."""
+    """Check that a call to `step` takes less time than one sampling period."""
     estimator = subject.make()
     step(estimator, subject.u[:2], subject.y[:2])  # compiles the estimator if it uses numba
     start = time.perf_counter()
@@ -229,69 +229,75 @@ def cost(subject: Subject) -> Seen:
 def a_shift_of_u_hurts(subject: Subject) -> Seen:
     """Check that shifting u by one sample, in either direction, makes the estimates worse."""
     if (np.ptp(subject.theta, axis=0) / subject.nominal).max() < MOVES:
-        return None, "the estimates do not move"
+        return None, "the estimates are constant"
     shifted = (np.r_[0.0, subject.u[:-1]], np.r_[subject.u[1:], 0.0])
     right = subject.error(subject.theta)
     late, early = (subject.error(subject.run(u, subject.y)) for u in shifted)
-    seen = f"error {right:.1%}; {late:.1%} with u one sample late, {early:.1%} with u early"
+    seen = f"the error {right:.1%} becomes {late:.1%} if u is late, and {early:.1%} if u is early"
     return right < min(FAR, late / 1.5, early / 1.5), seen
 
 
 RULES: dict[Callable[[Subject], Seen], tuple[str, str]] = {
     shapes: (
-        "each name has its own scores, in the order of `names`",
-        "return one number per name from step, and an array (N, p) from run",
+        "the benchmark computes scores for each parameter, in the order of `names`",
+        "return one estimate per parameter from step, and an array (N, p) from run",
     ),
     finite: (
-        "an estimate that is not finite makes a run diverge, and a single wrong sample must not "
-        "cause it",
-        "bound the estimates, clip the residual, and keep P symmetric and positive",
+        "a run diverges if any estimate is not finite, and a single wrong sample must not make a "
+        "run diverge",
+        "limit the estimates, clip the residual, and keep P symmetric and positive definite",
     ),
     deterministic: (
-        "a comparison cannot distinguish random numbers from an effect",
-        "seed random numbers in the constructor; keep no state in the class or module",
+        "a comparison cannot distinguish random variations from real differences between "
+        "estimators",
+        "seed the random generator in the constructor, and store no state in the class or module",
     ),
     step_equals_run: (
-        "the benchmark calls run, but a robot calls step",
-        "start run from the current state, and keep the state after the last sample",
+        "the benchmark calls run, but a robot controller calls step, so the estimates must be "
+        "equal",
+        "let the method run start from the current state, and store the state after the last "
+        "sample",
     ),
     no_look_ahead: (
-        "θ[k] may use y only up to sample k; an estimator that sees the future has no lag",
+        "θ[k] must not depend on future samples, because future samples would hide the "
+        "estimator's lag",
         "do not use smoothing, centred filters or statistics of the whole record in run",
     ),
     keeps_no_reference: (
-        "callers reuse their buffers and keep the returned arrays",
-        "copy inputs that you keep, return a copy of θ, and do not write into the inputs",
+        "callers reuse their input buffers and keep the returned arrays",
+        "copy all inputs that the estimator stores, return a copy of θ, and do not modify the "
+        "inputs",
     ),
     reset: (
-        "a run after reset must equal the first run",
-        "restore the initial value of every attribute that step changes",
+        "a run after reset must give the same estimates as the first run",
+        "in reset, restore the initial value of every attribute that step changes",
     ),
     survives_a_gap: (
-        "sensors miss samples (y is None), and a missing sample must not move the estimates",
-        "predict without an update while y is None",
+        "sensors can lose samples (y is None), and a lost sample must not change the estimates",
+        "if y is None, predict the state, but do not update the estimates",
     ),
     covariance: (
-        "NEES and fault detection rely on the reported covariance, and a negative variance is "
+        "the NEES and fault detection use the reported covariance, and a negative variance is "
         "meaningless",
-        "update P in Joseph's form, or symmetrise it as (P + Pᵀ)/2",
+        "update P with the Joseph form, or replace P by (P + Pᵀ)/2 after each update",
     ),
     cost: (
-        "a step must finish before the next sample",
-        "move work out of step, or compile it",
+        "a call to step must finish before the next sample arrives",
+        "move computations from step to the constructor, or compile step",
     ),
     a_shift_of_u_hurts: (
-        "u[k] acts after y[k], and a shift by one sample silently ruins the estimates",
-        "in step(u, y), predict y with the u of the previous step, then store the new u; if the "
-        "error is large for every shift, first check the model, the units and the order of names",
+        "u[k] acts after y[k], and an estimator that shifts u by one sample gives wrong estimates",
+        "in step(u, y), use u from the previous call to predict y, and then store the new u; if "
+        "the error is large for every shift of u, first check the model, the units and the order "
+        "of names",
     ),
 }
-"""Reasons for the rules, and hints on how to follow them."""
+"""Reason for each rule, and a hint on how to follow the rule."""
 
 
 @dataclass(frozen=True)
 class RuleResult:
-    """The result of checking a rule; `holds` is None if the rule does not apply."""
+    """The result of checking one rule; `holds` is None if the rule does not apply."""
 
     rule: str
     holds: bool | None
@@ -301,7 +307,7 @@ class RuleResult:
 
 
 def check(spec: Spec, *, store: RecordCache | None = None) -> list[RuleResult]:
-    """Check an estimator against every rule, and return the results.
+    """Check whether an estimator follows each rule, and return the results.
 
     Raises
     ------
@@ -312,10 +318,10 @@ def check(spec: Spec, *, store: RecordCache | None = None) -> list[RuleResult]:
     for look, texts in RULES.items():
         name, holds = look.__name__.replace("_", " "), False
         try:
-            with reported(spec.text, "on the record of the check"):
+            with reported(spec.text, "during the check"):
                 holds, seen = look(subject)  # type: ignore[assignment]
         except (EstimatorCrash, EstimatorError) as error:
-            seen = str(error).removeprefix(f"{spec.text}, on the record of the check, ")
+            seen = str(error).removeprefix(f"{spec.text}, during the check, ")
         results.append(RuleResult(name, holds, seen, *texts))
     return results
 

@@ -11,30 +11,30 @@ TEMPLATES = {
     ".c": ("my_estimator.c", "flexaxis.h"),
     ".m": ("my_estimator.m",),
 }
-"""Files of each template, keyed by suffix; the first file gets the requested name."""
+"""Files of each template, keyed by file suffix; `new` gives the first file the requested name."""
 
 
 def new(path: Path) -> list[str]:
-    """Write a template of a working estimator, and return the commands to run next.
+    """Write a working template estimator to a file, and return the commands to run next.
 
     Parameters
     ----------
     path : Path
-        Path of the new file; the suffix determines the language: Python (.py), C (.c) or GNU Octave
-        (.m).
+        Path of the new file. The file suffix selects the programming language, which is Python
+        (.py), C (.c) or GNU Octave (.m).
 
     Raises
     ------
     FlexaxisError
-        If the file name is not suitable, or if the file already exists.
+        If the file name is invalid, or if the file already exists.
     """
     if path.suffix not in TEMPLATES or not path.stem.isidentifier():
         raise FlexaxisError(
-            f"{path}: give a file name that Python can import, such as my_estimator.py, or the "
-            "name of a C or Octave file, such as my_estimator.c or my_estimator.m"
+            f"{path}: choose a file name of letters, digits and underscores, with the suffix .py, "
+            ".c or .m, such as my_estimator.py, my_estimator.c or my_estimator.m"
         )
     if path.exists():
-        raise FlexaxisError(f"{path} exists already; give another name")
+        raise FlexaxisError(f"{path} already exists; choose another file name")
     home = files("flexaxis.experiments.check") / "templates"
     for name in TEMPLATES[path.suffix]:
         text = (home / name).read_text(encoding="utf-8")

@@ -1,9 +1,9 @@
 """Compare estimators at equal noise by interpolation between two settings of a tuning parameter.
 
-One of the two settings is quieter than a reference, and the other is noisier. The logarithm of the
-lag is interpolated linearly as a function of the logarithm of the noise. If all settings are
-noisier than the reference, or all are quieter, the lag at the nearest setting is a one-sided bound
-on the lag at equal noise.
+The estimator is less noisy than a reference estimator at one setting, and noisier at the other
+setting. The logarithm of the lag is interpolated linearly as a function of the logarithm of the
+noise. If the estimator is noisier than the reference at all settings, or less noisy at all
+settings, the lag at the nearest setting is a one-sided bound on the lag at equal noise.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ from flexaxis.sim.scenario import Scenario
 Array = NDArray[np.float64]
 Noise = Literal["std", "excess"]
 SPREADS = {"std": ("bias", "lost_before"), "std_after": ("bias_after", "lost_after")}
-"""Two scores for each standard deviation: the mean error over the same samples, and whether the run
-diverged before the end of these samples."""
+"""Names of two scores for each standard deviation: the mean error over the evaluated samples, and
+whether the run diverged before the last evaluated sample."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,13 +39,14 @@ class Setting:
     text : str
         Estimator, written as for the option `--estimator`.
     factor : float
-        Position of the tuning parameter, divided by its default position.
+        Position of the tuning parameter, divided by the default position.
     rows : DataFrame
-        Scores, with one row per seed, sorted by seed. All settings have the same seeds.
+        Scores, with one row per seed, sorted by seed. All settings of an estimator have the same
+        seeds.
     biases : ndarray (n, p)
-        Biases of the parameters that the scenario identifies [% of nominal].
+        Biases of the parameters that the scenario identifies, for each run [% of nominal].
     information : ndarray (p, p) or None
-        Matrix M of the excess error, from `flexaxis.experiments.scoring.excess.information`.
+        Matrix M of the excess error θ̃ᵀMθ̃, from `flexaxis.experiments.scoring.excess.information`.
     """
 
     text: str
@@ -58,21 +59,21 @@ class Setting:
     def of(
         text: str, factor: float, frame: pd.DataFrame, parameter: str, scenario: Scenario
     ) -> Setting:
-        """Return a setting from the rows of its runs, one row per seed and parameter."""
+        """Create a setting from a table of scores that contains one row per seed and parameter."""
         wide = frame.pivot(index="seed", columns="parameter", values="bias")
         biases = wide.reindex(columns=list(scenario.identify)).fillna(0.0).to_numpy(float)
         rows = frame[frame["parameter"] == parameter].sort_values("seed")
         return Setting(text, factor, rows, biases, information(scenario))
 
     def array(self, name: str, runs: Any = slice(None)) -> Array:
-        """Return the values (n,) of a score, one per run; undefined values are NaN."""
+        """Return the values (n,) of a score in all runs; undefined values are NaN."""
         return self.rows[name].to_numpy(float)[runs]
 
     def log(self, name: str, runs: Any = slice(None)) -> float:
         """Return the logarithm of a pooled score, or NaN if the score is undefined in any run.
 
-        For the excess error, the result is the logarithm of the square root. The score `score` is
-        already logarithmic, so the result is the mean of this score.
+        For the excess error, the method returns the logarithm of the square root of the pooled
+        error. The score `score` is already logarithmic, so the method returns the mean of `score`.
         """
         each = self.array(name, runs)
         if name == "score" or np.isnan(each).any():
@@ -87,7 +88,7 @@ class Setting:
         return float(np.log(np.maximum(each, FLOOR)).mean())
 
     def at(self, name: str) -> Array | None:
-        """Return jackknife values (n,) of the log of a score, or None if a run has no score."""
+        """Return jackknife pseudo-values (n,) of a log score, or None if any run has no score."""
         if np.isnan(self.array(name)).any():
             return None
         return pseudo_values(lambda runs: self.log(name, runs), len(self.rows))
@@ -95,16 +96,17 @@ class Setting:
 
 @dataclass(frozen=True, eq=False)
 class Match:
-    """An estimator at the same noise as the reference.
+    """A match between the noise of an estimator and the noise of a reference estimator.
 
     Attributes
     ----------
     how : {"matched", "quieter", "noisier"}
-        "matched" if the noise of the reference is between the noise of two settings. "quieter" or
-        "noisier" if the noise of all settings is below or above the noise of the reference.
+        "matched" if the reference noise lies between the noise levels at two settings. "quieter" if
+        the estimator is less noisy than the reference at all settings, and "noisier" if the
+        estimator is noisier than the reference at all settings.
     sides : tuple of Setting
-        The two settings just below and just above the noise of the reference, or the nearest
-        setting.
+        The two settings with noise just below and just above the reference noise, or the single
+        setting whose noise is closest to the reference noise.
     reference : Setting
         Setting of the reference.
     kind : {"std", "excess"}
@@ -117,26 +119,26 @@ class Match:
     kind: Noise
 
     def apart(self, side: Setting, runs: Any = slice(None)) -> float:
-        """Return the log of the ratio between a setting's noise and the noise of the reference."""
+        """Return the logarithm of the noise at a setting divided by the reference noise."""
         return side.log(self.kind, runs) - self.reference.log(self.kind, runs)
 
     @property
     def nearest(self) -> Setting:
-        """The setting whose noise is closest to the noise of the reference."""
+        """The setting whose noise is closest to the reference noise."""
         return min(self.sides, key=lambda side: abs(self.apart(side)))
 
     @property
     def ratio(self) -> float:
-        """Noise of the estimator, divided by the noise of the reference; 1 if matched."""
+        """Estimator noise divided by the reference noise, which is 1 if the noise is matched."""
         return 1.0 if self.how == MATCHED else float(np.exp(self.apart(self.nearest)))
 
     def at(self, name: str) -> Array | None:
-        """Return jackknife values (n,) of the logarithm of a score at the match, one per seed.
+        """Return jackknife pseudo-values (n,) of a log score at the reference noise, one per seed.
 
-        The mean of the values is the estimate. The values of two estimators are paired by seed. The
-        same runs determine the position of the match between the two settings, and the jackknife
-        includes the uncertainty of this position. The result is None if the score is undefined in
-        any run.
+        The mean of the pseudo-values estimates the log score. Pseudo-values of two estimators for
+        the same seed form a pair. The interpolation point between the two settings depends on the
+        noise in the runs. Therefore the jackknife includes the uncertainty of the interpolation
+        point. The method returns None if the score is undefined in any run.
         """
 
         def statistic(runs: Any) -> float:
@@ -153,7 +155,7 @@ class Match:
 
 
 def match(reference: Setting, settings: Sequence[Setting], noise: Noise) -> Match | None:
-    """Match the noise of an estimator to the noise of a reference.
+    """Match the noise of an estimator to the noise of a reference estimator.
 
     Parameters
     ----------
@@ -167,8 +169,8 @@ def match(reference: Setting, settings: Sequence[Setting], noise: Noise) -> Matc
     Returns
     -------
     Match or None
-        None if the reference has no noise, if the estimator has no settings, or if the noise of any
-        setting is undefined.
+        A match, or None if the reference estimates contain no noise, if `settings` is empty, or if
+        the noise at any setting is undefined.
     """
     line = sorted(settings, key=lambda setting: setting.factor)
     none, target = np.log(FLOOR), reference.log(noise)

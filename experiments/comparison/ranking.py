@@ -1,4 +1,4 @@
-"""Rank estimators on paired runs: find the best ones for each fault."""
+"""Rank estimators on paired runs, and find the best estimators for each fault."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
@@ -14,35 +14,36 @@ REFERENCE = "rpem-forgetting"
 MATCHED, QUIETER, NOISIER = "matched", "quieter", "noisier"
 CONTROLS = ("frozen", "oracle-reset")  # baselines, which are not ranked
 AT_MOST = {QUIETER: "≤ ", NOISIER: "≥ "}
-"""Signs before a lag if the noise is not matched; `AT_LEAST` contains the signs before a score."""
+"""Inequality sign before a lag at unmatched noise; `AT_LEAST` contains the sign before a score."""
 AT_LEAST = {QUIETER: "≥ ", NOISIER: "≤ ", "mixed": "about "}
 LEVEL = 0.05  # probability that at least one of several equally good estimators is ranked as worse
 
 
 Scores = Sequence[float | None]
-"""Values of a score, one per seed; None if the score is undefined, as after a failed run."""
+"""Values of a score, one per seed; an undefined value is None."""
 
 
 def leaders(values: Mapping[str, Scores], *, most: bool = False) -> list[str]:
     """Return the best estimator and all estimators that are not significantly worse.
 
-    The function compares pairs of estimators on their common seeds. The best estimator is the one
-    with the fewest estimators that are better on average. The same seeds determine the best
-    estimator and test the others. Therefore the level is divided as if all k(k−1)/2 pairs were
-    tested (Bonferroni for the choice of the best estimator, Holm for the tests).
+    The function compares pairs of estimators on their common seeds. For each estimator, the
+    function counts the other estimators that are better on average. The estimator with the smallest
+    count is the best. The function uses the same seeds to select the best estimator and to test all
+    other estimators. Therefore the significance level is corrected for all k(k−1)/2 pairs of k
+    estimators, with Bonferroni's method for the selection and Holm's method for the tests.
 
     Parameters
     ----------
     values : mapping of str to sequence of float or None (n,)
-        Values of a score, one per seed, keyed by estimator. By default, smaller values are better.
+        Values of a score, one per seed, keyed by estimator. By default, smaller scores are better.
     most : bool
-        Whether larger values are better.
+        Whether larger scores are better.
 
     Returns
     -------
     list of str
-        Names of the estimators, the best first. The list is empty if no estimator has values for
-        five seeds, which a ranking needs.
+        Names of these estimators, with the best estimator first. The list is empty if no estimator
+        has scores for at least five seeds, the minimum for a ranking.
     """
     scores = {name: (-1) ** most * np.array(each, float) for name, each in values.items()}
     seeds = {name: np.sum(~np.isnan(each)) for name, each in scores.items()}
@@ -61,7 +62,7 @@ def leaders(values: Mapping[str, Scores], *, most: bool = False) -> list[str]:
 
 
 def by_fault(rows: Iterable[Row]) -> dict[tuple[str, str], list[Row]]:
-    """Group rows by fault, that is, by scenario and parameter."""
+    """Group rows by fault, that is, by scenario and changed parameter."""
     faults: dict[tuple[str, str], list[Row]] = {}
     for row in rows:
         faults.setdefault((row["scenario"], row["parameter"]), []).append(row)
@@ -69,12 +70,13 @@ def by_fault(rows: Iterable[Row]) -> dict[tuple[str, str], list[Row]]:
 
 
 def mark(rows: Iterable[Row]) -> list[dict[str, Any]]:
-    """Add the key `leads` to each row, which is true if the estimator is among the best.
+    """Add the key `leads` to each row; `leads` is true if the estimator is among the best.
 
-    The rows come from a sweep, or from runs of each estimator at one setting (rows without `how`).
-    Baselines are not ranked. An estimator that is noisier than the reference at every setting is
-    not ranked either. An estimator that is quieter at every setting is ranked only if its lag is
-    shorter than the lags of all estimators at equal noise.
+    The rows come from a sweep over tuning parameters, or from runs of each estimator at a single
+    setting. Rows from a single setting do not contain the key `how`. Baselines are not ranked. An
+    estimator is not ranked if it is noisier than the reference at every setting. If an estimator is
+    less noisy than the reference at every setting, it is ranked only if its lag is shorter than the
+    lags of all estimators at equal noise.
     """
     rows = list(rows)
     ahead = {
@@ -88,13 +90,13 @@ def mark(rows: Iterable[Row]) -> list[dict[str, Any]]:
 
 
 def compete(rows: Sequence[Row], score: str = "lag") -> list[Row]:
-    """Return the rows of estimators at equal noise, and of better estimators with less noise.
+    """Return the rows of estimators at equal noise, and of less noisy estimators that score better.
 
     Parameters
     ----------
     rows : sequence of mapping
-        Rows with the keys ``estimator``, ``how``, the name of the score, and ``values`` (the values
-        of each score, one per seed).
+        Rows with the keys ``estimator``, ``how``, ``values`` and the name of the score. The entry
+        ``values`` contains the values of each score, one per seed.
     score : {"lag", "score"}
         Score for the ranking. A shorter lag or a higher score is better.
     """
@@ -111,17 +113,18 @@ def overall(rows: Sequence[Row]) -> list[dict[str, Any]]:
     Parameters
     ----------
     rows : sequence of mapping
-        Rows of a sweep at equal excess error, one for each fault and estimator.
+        Sweep results at equal excess error, with one row for each fault and estimator.
 
     Returns
     -------
     list of dict
-        Dicts with the keys ``estimator, score, score_interval, how, faults, leads, values``. The
-        best estimator is first. The mean includes all faults that have a bound. A missing score
-        counts as 0. ``how`` is "quieter" if, for some faults, all settings are quieter than the
-        reference;
-        the score is then a lower limit. ``how`` is "noisier" if, for some faults, all settings are
-        noisier; the score is then an upper limit. ``how`` is "mixed" if both cases occur.
+        Dicts with the keys ``estimator, score, score_interval, how, faults, leads, values``, sorted
+        by decreasing mean score. The mean score includes all faults for which a lag bound exists. A
+        missing score counts as 0. ``how`` is "quieter" if, for some faults, the estimator is less
+        noisy than the reference at all settings. The mean score is then a lower limit. ``how`` is
+        "noisier" if, for some faults, the estimator is noisier than the reference at all settings.
+        The mean score is then an upper limit. ``how`` is "mixed" if the estimator is less noisy for
+        some faults and noisier for other faults.
     """
     faults = list(by_fault(row for row in rows if row["bound"]))
     seeds = max((len(row["values"].get("score") or ()) for row in rows), default=0)
@@ -151,22 +154,22 @@ def overall(rows: Sequence[Row]) -> list[dict[str, Any]]:
 def too_few(rows: Iterable[Row]) -> str:
     """Return a message if there are too few seeds for a ranking.
 
-    The message is empty if there are enough seeds, or if no row has a lag.
+    The message is empty if there are enough seeds, or if no row contains a lag.
     """
     lags = [np.array(row["values"]["lag"], float) for row in rows if row["values"].get("lag")]
     seeds = max((int(np.sum(~np.isnan(lag))) for lag in lags), default=LEAST)
     are = "seed is" if seeds == 1 else "seeds are"
-    return f"{seeds} {are} too few for a ranking, which needs {LEAST}" if seeds < LEAST else ""
+    return f"{seeds} {are} too few for a ranking; {LEAST} are needed" if seeds < LEAST else ""
 
 
 def faults_of(rows: Sequence[Row]) -> pd.DataFrame:
-    """Return the rows of a sweep as a DataFrame with a column `fault` (scenario and parameter)."""
+    """Return sweep results as a DataFrame, with a column `fault` that names each fault."""
     table = pd.DataFrame(rows, columns=None if rows else ["scenario", "parameter", "lag"])
     return table.assign(fault=table["scenario"] + ": " + table["parameter"],
                         lag=table["lag"].astype(float))  # fmt: skip
 
 
 def widest(matched: pd.DataFrame) -> str:
-    """Return the fault with the largest ratio between the lags of estimators at equal noise."""
+    """Return the fault with the largest ratio of the longest lag to the shortest lag."""
     lags = matched.groupby("fault")["lag"].agg(["max", "min"])
     return str((lags["max"] / lags["min"]).fillna(0).idxmax())

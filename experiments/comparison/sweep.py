@@ -2,9 +2,10 @@
 
 A single setting of each estimator is not enough for a ranking, because an estimator that forgets
 faster reacts faster but is noisier. Therefore each estimator runs at several settings, and the
-module `matching` interpolates the lag to the noise of a reference. For a single fault, the noise is
-the standard deviation of the parameter that changes. For all faults together, the noise is the
-excess prediction error, which has no unit. The code calls a tuning parameter a knob.
+module `matching` interpolates the lag to the noise level of a reference estimator. For a single
+fault, the noise level is the standard deviation of the changing parameter before the fault. For all
+faults together, the noise level is the excess prediction error, which has no unit. The code calls a
+tuning parameter a knob.
 """
 
 import inspect
@@ -35,28 +36,28 @@ from flexaxis.sim.scenario import Scenario
 
 Array = NDArray[np.float64]
 Run = Callable[[Sequence[Scenario], Sequence[str], Sequence[int]], pd.DataFrame]
-"""Function ``run(scenarios, estimators, seeds)`` that returns rows as `Runner.rows` does."""
+"""Function ``run(scenarios, estimators, seeds)`` that returns the scores of all runs as a table."""
 
 FACTORS = (0.25, 0.5, 1.0, 2.0, 4.0)  # settings relative to the default; larger means faster
 WIDER = (16.0, 64.0, 256.0, 1024.0)  # additional settings (or their inverses), if necessary
 TURNS = (*FACTORS, *WIDER, *(1 / factor for factor in WIDER))
-"""All settings that a sweep may run, relative to the default."""
+"""All settings that a sweep can try, as multiples of the default setting."""
 
 ALARMS = "detection.false_alarms_per_1000_s"
 NOISES: tuple[Noise, ...] = ("std", "excess")
 
 Line = dict[str, float]  # ratio to the default for each setting of an estimator
 Turn = Callable[[float], str | None]
-"""Function that returns an estimator's text for a factor, or None outside the knob's range."""
+"""Function that returns the estimator text for a factor, or None if the factor is out of range."""
 
 
 def knob_of(name: str) -> Knob | None:
-    """Return the knob of an estimator, or None if there is no knob or `name` contains options.
+    """Return the tuning parameter of an estimator, or None if there is no free tuning parameter.
 
     Raises
     ------
     EstimatorError
-        If the estimator does not exist, or if its class declares an invalid knob.
+        If the estimator does not exist, or if its class declares an invalid tuning parameter.
     """
     spec = parse(name)
     if spec.options:
@@ -74,10 +75,10 @@ def knob_of(name: str) -> Knob | None:
 
 
 def with_knob(name: str, factor: float) -> str | None:
-    """Return the text of an estimator at another setting of its knob.
+    """Return the text of an estimator with another value of its tuning parameter.
 
-    If the estimator has no knob, or if its text already contains options, the result is the
-    unchanged text. The result is None if the setting is outside the range of the knob.
+    If the estimator has no tuning parameter, or if `name` already contains options, the function
+    returns `name` unchanged. The function returns None if the new value is out of range.
 
     Examples
     --------
@@ -92,9 +93,10 @@ def with_knob(name: str, factor: float) -> str | None:
 
 
 def settings(estimators: Sequence[str], *, factors: Sequence[float] = FACTORS) -> dict[str, Line]:
-    """Return the settings of each estimator for the first part of a sweep.
+    """Return the settings of each estimator that a sweep runs first.
 
-    An estimator without a knob has a single setting. Two estimators can have a common setting.
+    An estimator without a tuning parameter has a single setting. Two estimators can share a
+    setting.
     """
     lines: dict[str, Line] = {}
     for name in estimators:
@@ -104,7 +106,7 @@ def settings(estimators: Sequence[str], *, factors: Sequence[float] = FACTORS) -
 
 
 def texts(lines: Mapping[str, Line]) -> list[str]:
-    """Return the texts of the reference and of all settings, without duplicates."""
+    """Return the estimator texts of the reference and of all settings, without duplicates."""
     return list(dict.fromkeys([reference(), *(text for line in lines.values() for text in line)]))
 
 
@@ -115,14 +117,14 @@ def reference() -> str:
 
 @dataclass(frozen=True)
 class Runs:
-    """Cache of rows for fixed seeds, keyed by scenario and setting; no setting runs twice."""
+    """Cache of score tables for fixed seeds, which runs each setting only once per scenario."""
 
     run: Run
     seeds: Sequence[int]
     known: dict[tuple[str, str], pd.DataFrame] = field(default_factory=dict, repr=False)
 
     def of(self, scenario: Scenario, text: str) -> pd.DataFrame:
-        """Return the rows of a setting, one per seed and parameter; raise an error on a failure."""
+        """Return the scores of a setting, one row per seed and parameter; raise if a run fails."""
         key = scenario.hash, text
         if key not in self.known:
             frame = self.run([scenario], [text], self.seeds)
@@ -136,7 +138,7 @@ class Runs:
         return list(frame.loc[frame["changed"].astype(bool), "parameter"].unique())
 
     def able(self, scenario: Scenario, text: str) -> bool:
-        """Return whether a setting can run on a scenario."""
+        """Return whether an estimator setting can run on a scenario."""
         try:
             return bool(len(self.of(scenario, text)))
         except (EstimatorError, StudyError):
@@ -146,11 +148,11 @@ class Runs:
         self, scenario: Scenario, base: str, line: Line, turn: Turn, further: Sequence[float], *,
         pairs: Iterable[tuple[str, Noise]], whole: bool = False,
     ) -> dict[tuple[str, Noise], Match | None]:  # fmt: skip
-        """Match an estimator's noise to a base, for each parameter and each measure of noise.
+        """Match an estimator's noise to the base noise, for each parameter and noise measure.
 
-        If all settings are quieter than the base, or all are noisier, the method runs settings
-        further from the default and adds them to `line`. If `whole` is true, the method ignores
-        each seed on which a run of any setting diverged.
+        If all settings are less noisy than the base, or all settings are noisier, the method also
+        runs settings further from the default and adds these settings to `line`. If `whole` is
+        true, the method ignores each seed for which a run at any setting diverged.
         """
         matches: dict[tuple[str, Noise], Match | None] = dict.fromkeys(pairs)
         for factor in (1.0, *further):
@@ -176,7 +178,7 @@ class Runs:
 
 @dataclass(frozen=True)
 class Sweep:
-    """The results of a sweep over tuning parameters, with values that JSON can represent.
+    """The results of a sweep over tuning parameters, in a form that JSON can represent.
 
     Attributes
     ----------
@@ -185,13 +187,14 @@ class Sweep:
         estimator, setting, factor``, the pooled scores ``lag, lag_interval, t10, std, std_interval,
         std_after, excess, diverged, seeds``, and the bounds ``lag_bound`` and ``lag_bound_single``.
     matched : list of dict
-        One dict for each fault and estimator, at the setting where the std of the changing
-        parameter equals the std of the reference. The keys are ``scenario, parameter, estimator,
-        how, nearest, ratio, lag, lag_interval, bound, over_bound, score, std_after,
-        false_alarms_per_1000_s, leads`` and ``values``. The class `Match` explains ``how``.
-        ``values`` contains the logarithm of the lag and the score, one value per seed.
+        One dict for each fault and estimator, at equal standard deviation of the changing
+        parameter. The keys are ``scenario, parameter, estimator, how, nearest, ratio, lag,
+        lag_interval, bound, over_bound, score, std_after, false_alarms_per_1000_s, leads`` and
+        ``values``. The class `Match` defines the values of ``how``. The entry ``values`` contains
+        the logarithm of the lag and the score for each seed.
     at_excess : list of dict
-        Same as `matched`, but at the excess error of the reference, and without ``leads``.
+        One dict for each fault and estimator, at equal excess error. The keys are the same as for
+        `matched`, except ``leads``.
     """
 
     points: list[dict[str, Any]]
@@ -202,10 +205,11 @@ class Sweep:
 def sweep(
     scenarios: Sequence[Scenario], estimators: Sequence[str], seeds: Sequence[int], run: Run
 ) -> Sweep:
-    """Run every estimator at several settings of its knob, and match its noise to the reference.
+    """Run each estimator at several settings, and match its noise to the reference noise.
 
-    If all settings are quieter than the reference, or all are noisier, the sweep tries settings up
-    to a factor of 1024 from the default, within the range of the knob.
+    If all settings are less noisy than the reference, or all settings are noisier, the sweep tries
+    more settings. These additional settings differ from the default by a factor of up to 1024,
+    within the range of the tuning parameter.
 
     Parameters
     ----------
@@ -216,17 +220,18 @@ def sweep(
     seeds : sequence of int
         Seeds of the runs, which are the same for all settings.
     run : callable
-        ``run(scenarios, estimators, seeds)`` returns the rows of these cases, one per parameter.
+        Function ``run(scenarios, estimators, seeds)`` that returns the scores of all runs.
 
     Raises
     ------
     FlexaxisError
-        If no scenario has a fault in a parameter that it identifies.
+        If no scenario has a fault in an estimated parameter.
     """
     if not any(w.D > 0 for s in scenarios for w in windows(s, s.identify)):
         raise FlexaxisError(
-            f"{', '.join(s.name for s in scenarios)}: no estimated parameter has a fault, so there "
-            "is no lag to compare. Choose a scenario with such a fault (`flexaxis list`)"
+            f"{', '.join(s.name for s in scenarios)}: no estimated parameter has a fault, so "
+            "there is no lag to compare. Run `flexaxis list` to find a scenario with a fault in "
+            "an estimated parameter"
         )
     run(scenarios, texts(settings(estimators)), seeds)  # one call, so that settings share records
     runs, points = Runs(run, seeds), []
@@ -251,7 +256,7 @@ def sweep(
 def able(
     scenarios: Sequence[Scenario], estimators: Sequence[str], seeds: Sequence[int], run: Run
 ) -> list[str]:
-    """Return the estimators that run on all scenarios without failure at the first settings."""
+    """Return the estimators that run on all scenarios without failures at all initial settings."""
     lines = settings(estimators)
     frame = run(scenarios, texts(lines), seeds)
     failed = {*frame.loc[frame["error"].notna(), "estimator"]}

@@ -1,6 +1,6 @@
-"""Tune an estimator, that is, find the setting at which it is as noisy as the reference.
+"""Tune an estimator: find the setting at which it is as noisy as the reference estimator.
 
-The tuning parameter, or knob, is the option that trades speed for noise
+The tuning parameter (knob) is the option that sets the trade-off between speed and noise
 (`flexaxis.estimators.knob`).
 """
 
@@ -34,21 +34,22 @@ DIGITS = 4  # significant digits of a setting, more than the tolerance requires
 
 @dataclass(frozen=True)
 class Tuned:
-    """A setting at which an estimator is as noisy as the reference.
+    """A setting at which an estimator is as noisy as the reference estimator.
 
     Attributes
     ----------
     setting : str
         Estimator with its tuned options, written as for the option `--estimator`.
     knob : str
-        Name of the tuned option, or names of several options.
+        Name of the tuned option, or names of several options that are tuned together.
     value : float
-        Value of the option or, for several options, their position on a common path.
+        Value of the tuned option. If several options are tuned, `value` is their common position,
+        from which the options are computed.
     match : str
         Measure of the noise: "excess", or the name of a parameter whose std is matched.
     ratio : float
-        Noise divided by the noise of the reference. For the excess error, which is a square,
-        `ratio` is the square root of this quotient.
+        Estimator noise divided by the reference noise. For the excess error, which is quadratic in
+        the parameter errors, `ratio` is the square root of the quotient.
     """
 
     setting: str
@@ -58,52 +59,52 @@ class Tuned:
     ratio: float
 
     def turned(self, factor: float) -> str | None:
-        """Return the estimator with its knob at `factor` × this setting, or None out of range."""
+        """Scale the setting by `factor`; return the estimator, or None if out of range."""
         name, options, knob = parts(self.setting)
         at = knob.at(knob.position(self.value) * factor)
         return None if at is None else with_options(name, options | at)
 
 
 def parts(text: str) -> tuple[str, dict[str, Any], Knob]:
-    """Return the name of an estimator, its options without the tuned options, and its knob.
+    """Return an estimator's name, its options except the tuned options, and its tuning parameter.
 
     Raises
     ------
     FlexaxisError
-        If the estimator has no knob.
+        If the estimator has no tuning parameter.
     """
     options = written_options(text)
     name = text.partition("[")[0].strip() if options else text
     knob = knob_of(name)
     if knob is None:
         raise FlexaxisError(
-            f"{text} has no tuning parameter, so its noise cannot be matched. In your own class, "
-            'declare the tuning parameter, such as knob = "1-lam" for the option lam. A program '
-            "has no options"
+            f"{text} has no tuning parameter, so its noise cannot be matched. To declare a "
+            'tuning parameter in your own class, add a line such as knob = "1-lam" for the option '
+            "lam. A program has no options"
         )
     return name, {key: value for key, value in options.items() if key != knob.name}, knob
 
 
 def tuning_scenario() -> Scenario:
-    """Return the scenario for matching noise: the nominal axis without fault, with true θ(0)."""
+    """Return the scenario for tuning: the nominal axis without faults and with true θ(0)."""
     return find_scenario("paper_nominal-v1").override({"start": 1.0})
 
 
 @dataclass(frozen=True)
 class Trials:
-    """Simulated runs on which the search tries settings of a tuning parameter.
+    """Simulated runs that measure the noise of an estimator at a setting.
 
     Attributes
     ----------
     seeds : sequence of int
         Seeds for tuning.
     run : callable
-        ``run(scenarios, estimators, seeds)`` returns the rows of these cases, one per parameter.
+        Function ``run(scenarios, estimators, seeds)`` that returns score rows of all runs.
     match : str
         Measure of the noise: "excess", or the name of a parameter whose std is matched.
     scenarios : sequence of Scenario
-        Scenarios for the noise before the first fault. Without scenarios, the noise is measured on
-        the nominal axis without a fault.
+        Scenarios in which the noise is measured before the first fault. If `scenarios` is empty,
+        the noise is measured on the nominal axis without a fault.
     """
 
     seeds: Sequence[int]
@@ -112,10 +113,11 @@ class Trials:
     scenarios: Sequence[Scenario] = ()
 
     def noises(self, text: str) -> pd.Series:
-        """Return logarithms of the std of each parameter and of the root of the excess error.
+        """Return the logarithms of the standard deviations and of the root of the excess error.
 
-        The index of the result contains the parameters and "excess". The values are means over the
-        scenarios. The result contains only parameters that are estimated in every scenario.
+        The index of the returned series contains the parameter names and "excess". The logarithms
+        are averaged over the scenarios. The series contains only parameters that are estimated in
+        every scenario.
         """
         each = []
         for scenario in self.scenarios or [tuning_scenario()]:
@@ -133,28 +135,30 @@ class Trials:
 def match_noise(text: str, trials: Trials) -> Tuned:
     """Tune an estimator until it is as noisy as `rpem-forgetting` with default options.
 
-    The search uses secant steps for the logarithms. If a step leaves the range that contains the
-    match, the search uses bisection. The search assumes that noise increases with the position of
-    the knob, and tries at most `ROUNDS` settings within the range of the knob.
+    The search applies the secant method to the logarithms of the setting and of the noise. If a
+    secant step leaves the interval that contains the solution, the search uses bisection. The
+    search assumes that the noise increases with the position of the tuning parameter. The search
+    tries at most `ROUNDS` settings within the range of the tuning parameter.
 
     Parameters
     ----------
     text : str
-        Estimator with a knob, written as for the option `--estimator`. Other options keep their
-        values.
+        Estimator with a tuning parameter, written as for the option `--estimator`. The search does
+        not change other options of the estimator.
     trials : Trials
-        Simulated runs on which the search tries settings.
+        Simulated runs that measure the noise at a setting.
 
     Raises
     ------
     FlexaxisError
-        If the estimator has no knob, or if no setting matches the noise.
+        If the estimator has no tuning parameter, or if no setting matches the noise.
     """
     (name, options, knob), target = parts(text), trials.noises(reference())
     if trials.match not in target:
         raise FlexaxisError(
-            f"{trials.match!r} cannot be matched.{did_you_mean(trials.match, target.index)} "
-            f"Choose from: {', '.join(target.index)}"
+            f"the noise of {trials.match!r} cannot be "
+            f"matched.{did_you_mean(trials.match, target.index)} Choose from: "
+            f"{', '.join(target.index)}"
         )
     quiet, noisy, slope, before = -np.inf, np.inf, 0.5, None
     here = np.log(_rounded(knob.usual, knob))
@@ -165,8 +169,9 @@ def match_noise(text: str, trials: Trials) -> Tuned:
         errors = (trials.noises(tried) - target).dropna()
         if trials.match not in errors:
             raise FlexaxisError(
-                f"{tried} has no noise to match. Its estimates do not move, or it does not "
-                f"estimate the parameters that are needed to match {trials.match!r}"
+                f"{tried} has no noise to match. Either its estimates are constant, or the "
+                "estimator does not estimate the parameters that are needed to match "
+                f"{trials.match!r}"
             )
         error = errors[trials.match]
         if abs(error) < TOLERANCE:
@@ -183,30 +188,30 @@ def match_noise(text: str, trials: Trials) -> Tuned:
             here = (quiet + noisy) / 2
     least, most = sorted((knob.value(knob.least), knob.value(knob.most)))
     raise FlexaxisError(
-        f"{name}: no setting of {knob.name} from {least:.4g} to {most:.4g} has the noise of "
-        f"{REFERENCE}. The last setting tried is {tried}, with {np.exp(error):.3g} × this noise. "
-        f'If a smaller {knob.name} is faster, write knob = "1/{knob.name}"'
+        f"{name}: no value of {knob.name} from {least:.4g} to {most:.4g} gives the noise of "
+        f"{REFERENCE}. The last attempt, {tried}, gives {np.exp(error):.3g} times the reference "
+        f'noise. If a smaller {knob.name} makes the estimator faster, write knob = "1/{knob.name}"'
     )
 
 
 def equally_noisy(
     texts: Sequence[str], scenarios: Sequence[Scenario], run: Run, seeds: Sequence[int]
 ) -> list[Tuned]:
-    """Tune two estimators until both are as noisy as the reference.
+    """Tune two estimators until each of them is as noisy as the reference estimator.
 
-    If the scenarios change only one of the parameters that both estimate, the function matches the
-    std of this parameter. If they change several, the function matches the excess prediction error,
-    which is a single number for all parameters.
+    If the scenarios change only one parameter that both estimators estimate, the function matches
+    the standard deviation of this parameter. If the scenarios change several of these parameters,
+    the function matches the excess prediction error, which is a single number for all parameters.
 
     Parameters
     ----------
     texts : sequence of str
         Estimators, written as for the option `--estimator`. The function replaces the value of the
-        tuning parameter. Other options keep their values.
+        tuning parameter, and keeps the values of all other options.
     scenarios : sequence of Scenario
-        Scenarios for the noise before the faults.
+        Scenarios in which the noise is measured before the first fault.
     run : callable
-        ``run(scenarios, estimators, seeds)`` returns the rows of these cases, one per parameter.
+        Function ``run(scenarios, estimators, seeds)`` that returns score rows of all runs.
     seeds : sequence of int
         Seeds for tuning.
 
@@ -214,7 +219,7 @@ def equally_noisy(
     ------
     FlexaxisError
         If one of the estimators has no tuning parameter, if the scenarios change no parameter that
-        both estimate, or if no setting matches the noise.
+        both estimators estimate, or if no setting matches the noise.
     """
     for text in texts:
         parts(text)  # fail before any run if there is no knob
@@ -223,8 +228,9 @@ def equally_noisy(
     every = set[str]().union(*changing)
     if not every:
         raise FlexaxisError(
-            "--match-std: no scenario has a fault in a parameter that both estimate, so there is "
-            "no lag to compare. Choose a scenario with such a fault (`flexaxis list`)"
+            "--match-std: no scenario has a fault in a parameter that both estimators estimate, "
+            "so there is no lag to compare. Run `flexaxis list` to find a scenario with a fault "
+            "in a common parameter"
         )
     match = EXCESS if len(every) > 1 else every.pop()
     where = [s for s, names in zip(scenarios, changing, strict=True) if names]
@@ -246,7 +252,7 @@ def save(path: Path, name: str, tuned: Tuned | None) -> None:
     name : str
         Name of the estimator.
     tuned : Tuned or None
-        New setting, or None to remove an old setting that no longer matches.
+        New setting, or None to remove an old setting that no longer matches the reference noise.
     """
     known = read_toml(path, FlexaxisError) if path.exists() else {}
     tables = [table for table in known.get("tuned", []) if table["estimator"] != name]

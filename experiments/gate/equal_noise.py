@@ -1,9 +1,9 @@
 """Compare two estimators at equal noise: tune both to the same noise, then compare their lags.
 
-The tuning uses separate seeds and makes both estimators as noisy as the reference. On the seeds of
-the comparison, the noise of the two estimators still differs by chance. Therefore the candidate
-also runs at neighbouring settings, and its lag is interpolated to exactly the noise of the base
-(`flexaxis.experiments.comparison.sweep`).
+The tuning uses its own seeds and makes both estimators as noisy as a reference estimator. On the
+seeds of the comparison, the noise of the two estimators still differs by chance. Therefore the
+candidate also runs at neighbouring settings, and its lag is interpolated to exactly the noise of
+the base (`flexaxis.experiments.comparison.sweep`).
 """
 
 from collections.abc import Sequence
@@ -30,20 +30,20 @@ def at_equal_noise(
     paired: Paired, base: Tuned, candidate: Tuned, *,
     scenarios: Sequence[Scenario], run: Run, seeds: Sequence[int],
 ) -> Paired:  # fmt: skip
-    """Replace paired lags by lags at equal noise, and report each fault without a match as a `Gap`.
+    """Replace paired lags by lags at equal noise; add a `Gap` for each fault with unmatched noise.
 
     Parameters
     ----------
     paired : Paired
-        Paired scores of the two tuned settings.
+        Paired scores of the two tuned estimators.
     base, candidate : Tuned
         Tuned settings of the two estimators.
     scenarios : sequence of Scenario
         Scenarios of the comparison.
     run : callable
-        ``run(scenarios, estimators, seeds)`` returns the rows of these cases, one per parameter.
+        Function ``run(scenarios, estimators, seeds)`` that returns the scores of all runs.
     seeds : sequence of int
-        Seeds of the comparison, which must not be seeds for tuning.
+        Seeds of the comparison, which must differ from the tuning seeds.
     """
     noise: Noise = "excess" if base.match == EXCESS else "std"
     turn, runs = candidate.turned, Runs(run, seeds)
@@ -56,7 +56,7 @@ def at_equal_noise(
             pairs=[(row["parameter"], noise)], whole=True,
         ).values()  # fmt: skip
         if match is None or match.how != MATCHED:
-            text = "no setting matches the noise of {parameter} at {scenario}"
+            text = "no setting matches the noise of {parameter} on {scenario}"
             gaps.append(Gap("candidate", text.format(**row)))
             continue
         logs = np.array([match.reference.at("lag"), match.at("lag")])

@@ -1,4 +1,4 @@
-"""Compare a candidate with a base on common seeds, and add seeds if the result is undecided."""
+"""Compare a candidate estimator with a base estimator, and add seeds if the result is undecided."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -39,20 +39,20 @@ class Comparison:
     Attributes
     ----------
     base, candidate : str
-        Estimators, written as for the option `--estimator`. After tuning to equal noise, the texts
-        include the tuned options.
+        Estimators, written as for the option `--estimator`. After tuning to equal noise, the
+        estimator texts include the tuned options.
     seeds : list of int
-        Common seeds of both estimators.
+        Seeds that the runs of both estimators have in common.
     rows : DataFrame
-        One verdict per score, from `flexaxis.experiments.gate.verdict.judge`.
+        Table with one verdict per score, from `flexaxis.experiments.gate.verdict.judge`.
     lost : sequence of Lost
-        One verdict for each kind of lost run.
+        One verdict on diverged runs, and one verdict on runs that never settle.
     paired : Paired
         Paired scores on which the verdicts are based.
     margins : mapping of metric to float
         Largest relative change of each score that counts as negligible.
     look, looks : int
-        Number of the last look (interim analysis), counted from 1, and number of planned looks.
+        Number of the last interim analysis (look), counted from 1, and number of planned analyses.
     equal : sequence of Tuned
         Tuned settings of both estimators, if the comparison is at equal noise.
     """
@@ -77,10 +77,10 @@ class Comparison:
         return UNDECIDED if short and word != WORSE else word
 
     def status(self) -> int:
-        """Return the exit status, which is 1 if the candidate is worse, and otherwise 0 or 3.
+        """Return the exit status: 1 if the candidate is worse, and otherwise 0 or 3.
 
-        The status is 3 if the verdict is "undecided" and the candidate lacks runs or loses more
-        runs than the base. Lost runs are failed, diverged or unsettled runs.
+        The exit status is 3 if the verdict is "undecided" and the candidate has missing runs or
+        more lost runs than the base. A run is lost if it fails, diverges or never settles.
         """
         if self.verdict != UNDECIDED:
             return int(self.verdict == WORSE)
@@ -94,12 +94,13 @@ def compare(
     runner: Runner, *,
     margins: Mapping[str, float] = MARGINS, max_seeds: int = 0, match_std: bool = False,
 ) -> Comparison:  # fmt: skip
-    """Run two estimators and judge every score, or the lags at equal noise if `match_std`.
+    """Run two estimators, and compare all scores or only the lags at equal noise.
 
-    If `max_seeds` allows more seeds, further looks (interim analyses) double the number of seeds
-    until the overall verdict is not "undecided" or all seeds have been used. Each of K looks has
-    the level alpha/K (Bonferroni), so repeated looks do not increase the probability of a false
-    verdict. The comparison skips scenarios on which one of the estimators cannot run.
+    If the verdict is "undecided", the function doubles the number of seeds and repeats the
+    analysis, until `max_seeds` seeds have been used. Each of K interim analyses has the
+    significance level alpha/K (Bonferroni). Therefore repeated analyses do not increase the
+    probability of a false verdict. The comparison skips scenarios on which one of the estimators
+    cannot run.
 
     Parameters
     ----------
@@ -108,20 +109,20 @@ def compare(
     scenarios : sequence of Scenario
         Scenarios on which the estimators run.
     seeds : sequence of int
-        Seeds of the first look.
+        Seeds of the first interim analysis.
     runner : Runner
-        Runner that runs the cases.
+        Runner that executes the runs.
     margins : mapping of metric to float
         Largest relative change of each score that counts as negligible.
     max_seeds : int
         Largest number of seeds.
     match_std : bool
-        Whether to tune both estimators to equal noise before the comparison.
+        Whether to tune both estimators to equal noise and to compare only their lags.
 
     Raises
     ------
     FlexaxisError
-        If there are fewer than two seeds or more seeds than a positive `max_seeds`, if base and
+        If there are fewer than two seeds or more than `max_seeds` seeds, if the base and the
         candidate have fewer than two common runs, or if the noise cannot be matched.
     """
     looks, run = look_seeds(seeds, max_seeds), runner.rows
@@ -135,8 +136,8 @@ def compare(
     if match_std:
         if used := {*SEEDS} & {*looks[-1]}:
             raise FlexaxisError(
-                f"seed {min(used)} is a seed for tuning: compare on other seeds, such as "
-                "--seeds 1000:1032"
+                f"seed {min(used)} is reserved for tuning: use other seeds for the comparison, "
+                "such as --seeds 1000:1032"
             )
         equal = equally_noisy((base, candidate), scenarios, run, SEEDS[: max(2, len(seeds))])
         base, candidate = (side.setting for side in equal)
@@ -159,7 +160,7 @@ def compare(
 
 
 def look_seeds(seeds: Sequence[int], most: int) -> list[list[int]]:
-    """Return the seeds of each look; the number of seeds doubles from look to look up to `most`.
+    """Return the seeds of each interim analysis; the number of seeds doubles up to `most`.
 
     Examples
     --------
@@ -168,8 +169,8 @@ def look_seeds(seeds: Sequence[int], most: int) -> list[list[int]]:
     """
     if len(seeds) < 2 or 0 < most < len(seeds):
         raise FlexaxisError(
-            f"give at least 2 seeds (32 are recommended), and no more --seeds ({len(seeds)}) than "
-            f"--max-seeds ({most})"
+            "a comparison needs at least 2 seeds (32 are recommended), and the number of --seeds "
+            f"({len(seeds)}) must not exceed --max-seeds ({most})"
         )
     every, sizes = [*seeds, *range(seeds[-1] + 1, seeds[-1] + 1 + most)], [len(seeds)]
     while sizes[-1] < most:
@@ -178,12 +179,12 @@ def look_seeds(seeds: Sequence[int], most: int) -> list[list[int]]:
 
 
 def check_margins(margins: Mapping[str, float]) -> dict[str, float]:
-    """Return the default margins, updated with `margins`; raise an error for an invalid entry."""
+    """Return the default margins, updated with `margins`; raise an error if an entry is invalid."""
     for metric, margin in margins.items():
         if metric not in METRICS or not 0 < margin < 1:
             raise FlexaxisError(
-                f"--margin {metric}: give a score and a margin between 0 and 100 %, as in lag=2%."
-                f"{did_you_mean(metric, METRICS)}"
+                f"--margin {metric}: give the name of a score and a margin between 0 and 100 %, "
+                f"such as lag=2%.{did_you_mean(metric, METRICS)}"
             )
     return {**MARGINS, **margins}
 
@@ -192,7 +193,7 @@ def compare_runs(
     base: Path, candidate: Path, *, margins: Mapping[str, float] = MARGINS,
     estimators: Sequence[str | None] = (None, None), seeds: Sequence[int] | None = None,
 ) -> Comparison:  # fmt: skip
-    """Compare two estimators from two finished runs on their common seeds.
+    """Compare two estimators from the results folders of two finished runs.
 
     Parameters
     ----------
@@ -201,15 +202,16 @@ def compare_runs(
     margins : mapping of metric to float
         Largest relative change of each score that counts as negligible.
     estimators : sequence of str or None
-        Estimator in each folder; None if the folder contains only one estimator.
+        Estimator to compare from each folder, or None if the folder contains only one estimator.
     seeds : sequence of int, optional
-        Seeds to compare (default: all).
+        Seeds to compare (default: all common seeds).
 
     Raises
     ------
     FlexaxisError
-        If the versions differ, if a scenario differs, if there are fewer than two common seeds, or
-        if the estimator of a folder is None although the folder contains several estimators.
+        If the folders come from different versions of flexaxis or of a scenario, if there are fewer
+        than two common seeds, or if a folder contains several estimators and none of them is
+        chosen.
     """
     sides, names, versions = [], [], []  # type: ignore[var-annotated]
     for folder, text in zip((base, candidate), estimators, strict=True):
@@ -220,8 +222,8 @@ def compare_runs(
         chosen = [text] if text else texts
         if results.axes or len(chosen) > 1 or chosen[0] not in texts:
             raise FlexaxisError(
-                f"{folder}: give the folder of a finished run, and choose its estimator with "
-                f"--base or --candidate. The folder contains: {', '.join(texts)}"
+                f"{folder}: give the folder of a finished run, and use --base or --candidate to "
+                f"choose an estimator in this folder. The folder contains: {', '.join(texts)}"
             )
         names += chosen
         versions.append(summary_of(folder)["versions"])
@@ -229,8 +231,8 @@ def compare_runs(
     old, new = (dict(zip(side["scenario"], side["hash"], strict=True)) for side in sides)
     if versions[0] != versions[1] or any(old[name] != new[name] for name in old.keys() & new):
         raise FlexaxisError(
-            f"{base} and {candidate} come from different versions of flexaxis or of a scenario. "
-            "Run both again, or use `flexaxis compare --base … --candidate …`"
+            f"{base} and {candidate} contain results from different versions of flexaxis or of a "
+            "scenario. Repeat both runs, or use `flexaxis compare --base … --candidate …`"
         )
     paired = pair(*sides, margins)  # type: ignore[call-arg]
     common = sorted({*sides[0]["seed"]} & {*sides[1]["seed"]})

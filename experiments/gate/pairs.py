@@ -1,4 +1,4 @@
-"""Pair the scores of a base estimator and a candidate, run by run."""
+"""Pair the scores of a base estimator and a candidate estimator for each run."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -15,8 +15,8 @@ from flexaxis.sim.errors import FlexaxisError
 Array = NDArray[np.float64]
 
 LOST = ("diverged", "never_settled")
-"""Kinds of lost runs. Lost runs are counted over all scenarios and judged separately from scores,
-because an average over the remaining runs would reward an estimator for losing difficult runs."""
+"""Kinds of lost runs. Lost runs are counted over all scenarios and judged separately. An average of
+scores over the remaining runs would reward an estimator for losing difficult runs."""
 
 SIDES = ("base", "candidate")
 CASE = ["scenario", "seed"]
@@ -27,7 +27,7 @@ NUMBERS = [*dict.fromkeys([*METRICS, *(bias for bias, _ in SPREADS.values())])]
 
 
 class Gap(NamedTuple):
-    """Missing results of one side of a comparison; if `must_look`, the gate must not pass."""
+    """Missing results of the base or the candidate; `must_look` excludes the exit status 0."""
 
     side: str
     text: str
@@ -36,7 +36,7 @@ class Gap(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Paired:
-    """The paired data of a comparison.
+    """Paired scores of the base and the candidate in a comparison.
 
     Attributes
     ----------
@@ -45,18 +45,17 @@ class Paired:
         The columns ``base`` and ``candidate`` contain means over the pairs [unit of the metric], or
         geometric means if ratios are compared. The column ``changes`` contains an array (n,) with
         log(candidate/base) or (candidate − base)/``scale``. The entries of ``changes`` are NaN for
-        runs in which either estimator diverged or has no score. ``scale`` is NaN if ratios are
-        compared.
+        runs in which either estimator diverged or has no score. The column ``scale`` is NaN if
+        ratios are compared.
     lost : DataFrame
-        One row per scenario and seed. The column ``"diverged base"`` and the other three columns
-        are true for lost runs. If a run diverged for either estimator, it does not count as never
-        settled.
+        One row per scenario and seed. The four columns, such as ``"diverged base"``, are true for
+        lost runs. If either estimator diverged in a run, the run does not count as never settled.
     gaps : sequence of Gap
         Missing results of the base or the candidate.
     estimated : mapping of side to set of str
-        Parameters that the base and the candidate estimate.
+        Parameters that each of the two estimators estimates.
     failed : mapping of side to int
-        Number of failed cases of the base and the candidate.
+        Number of failed runs of each of the two estimators.
     """
 
     scores: pd.DataFrame
@@ -67,10 +66,11 @@ class Paired:
 
 
 def table(rows: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
-    """Return the rows of one estimator for the comparison.
+    """Return the scores of one estimator in the form that a comparison needs.
 
-    A failed case has rows for all parameters of its scenario. The function removes the rows for
-    parameters that the estimator does not estimate in any other case.
+    A failed run has rows for all parameters that the scenario identifies. From the rows of failed
+    runs, the function removes all parameters that the estimator does not estimate in any successful
+    run on the same scenario.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def table(rows: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
 
 
 def pair(base: pd.DataFrame, candidate: pd.DataFrame, margins: Mapping[str, float]) -> Paired:
-    """Pair the scores of base and candidate on their common runs.
+    """Pair the scores of the base and the candidate for all common runs.
 
     Parameters
     ----------
@@ -98,19 +98,20 @@ def pair(base: pd.DataFrame, candidate: pd.DataFrame, margins: Mapping[str, floa
     Raises
     ------
     FlexaxisError
-        If base and candidate have fewer than two common seeds, or no common scenario or parameter.
+        If the base and the candidate have fewer than two common seeds, or no common scenario or
+        parameter.
     """
     both = base.merge(candidate, on=KEY, suffixes=(" base", " candidate"))
     if both["seed"].nunique() < 2:
         raise FlexaxisError(
-            "base and candidate have fewer than 2 runs in common: compare estimators of a common "
-            "parameter on the same scenarios and seeds"
+            "the base and the candidate have fewer than 2 runs in common: compare estimators that "
+            "estimate a common parameter, on the same scenarios and seeds"
         )
     groups, sides = both.groupby(KIND), dict(zip(SIDES, (base, candidate), strict=True))
     scores = [_score(part, *key, *each) for key, part in groups for each in margins.items()]  # type: ignore[call-arg]
     shared = {s: rows[rows["scenario"].isin(both["scenario"])] for s, rows in sides.items()}
     changed = shared["base"].loc[shared["base"]["changed"], KIND].drop_duplicates()
-    gaps = [Gap("candidate", f"the candidate does not estimate {parameter} at {scenario}")
+    gaps = [Gap("candidate", f"the candidate does not estimate {parameter} on {scenario}")
             for scenario, parameter in changed.itertuples(index=False)
             if (scenario, parameter) not in groups.groups]  # fmt: skip
     return Paired(
@@ -123,19 +124,19 @@ def pair(base: pd.DataFrame, candidate: pd.DataFrame, margins: Mapping[str, floa
 
 
 def _lacking(sides: Mapping[str, pd.DataFrame]) -> list[Gap]:
-    """Return a `Gap` for each side and scenario with missing cases on the common seeds."""
+    """Return a `Gap` for each estimator and scenario with missing runs on the common seeds."""
     seeds = set.intersection(*({*rows["seed"]} for rows in sides.values()))
     cases = pd.DataFrame({
         side: rows[rows["seed"].isin(seeds)].drop_duplicates(CASE)["scenario"].value_counts()
         for side, rows in sides.items()
     }).fillna(0)  # fmt: skip
     lacks = cases.rsub(cases.max(axis=1), axis=0).stack()
-    return [Gap(side, f"the {side} lacks {n:.0f} cases of {scenario}", side == "candidate")
+    return [Gap(side, f"the {side} has {n:.0f} missing runs on {scenario}", side == "candidate")
             for (scenario, side), n in lacks.items() if n]  # fmt: skip
 
 
 def _lost(both: pd.DataFrame) -> pd.DataFrame:
-    """Return a table of the runs that each side lost in at least one common parameter."""
+    """Return a table of the runs that each estimator lost for at least one common parameter."""
     columns = [f"{way} {side}" for way in LOST for side in SIDES]
     lost = both.groupby(CASE)[columns].any()
     lost[columns[2:]] &= ~lost[columns[:2]].any(axis=1).to_numpy()[:, None]
@@ -145,7 +146,7 @@ def _lost(both: pd.DataFrame) -> pd.DataFrame:
 def _score(
     part: pd.DataFrame, scenario: str, parameter: str, metric: str, margin: float
 ) -> dict[str, Any]:
-    """Return one score of both sides, or {} if it is undefined (such as a lag without fault)."""
+    """Return one score of both estimators, or {} if the score is undefined for both of them."""
 
     def sides(name: str) -> Array:
         return part[[f"{name} base", f"{name} candidate"]].to_numpy(float).T.copy()

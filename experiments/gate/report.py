@@ -32,27 +32,31 @@ TEXTS = {
     "far": " (at least one run is much worse)",
     "few": " (too few runs to exclude rare failures)", "": "",
     # lost runs
-    "diverged": "{4} of {1} runs newly diverge, {5} no longer do",
-    "never_settled": "{4} of {1} runs no longer settle, {5} settle again",
+    "diverged": "{4} of {1} runs newly diverge, and {5} runs no longer diverge",
+    "never_settled": "{4} of {1} runs no longer settle, and {5} runs newly settle",
     # advice
-    "unfair": "Not a fair comparison: the {0} also estimates {1}, for which the {2} uses nominal "
-    "values. Estimating more parameters increases lag and noise with any method.",
-    "scenarios": "Compare the estimators on scenarios that both can run, with faults in parameters "
-    "that both estimate.",
-    "seeds": "More seeds may give a verdict: --max-seeds.",
-    "tuned": "Tuned to the {0} of rpem-forgetting: base {1}, candidate {2}.",
+    "unfair": "The comparison is not fair: the {0} also estimates {1}, but the {2} uses nominal "
+    "values of {1}. With any method, the estimation of more parameters increases the lag and the "
+    "noise.",
+    "scenarios": "Compare the estimators on scenarios with faults in parameters that both of them "
+    "can estimate.",
+    "seeds": "Use --max-seeds to add more seeds, which can lead to a clear verdict.",
+    "tuned": "Both estimators were tuned to the {0} of rpem-forgetting: base {1}, candidate {2}.",
 }  # fmt: skip
-"""Texts that depend on a verdict."""
+"""Phrases of the headline and of the advice."""
 
 LEGEND = (
-    "{seeds} paired seeds. Change: candidate relative to base (geometric mean) in percent, as a "
-    "factor (beyond 2 or ½), or as a difference. A std is computed around the mean of all runs.",
-    "Interval: Student's t of paired log-ratios at the level of Holm's procedure. The probability "
-    'of any false "worse" or "better" is at most {percent:.2g} %.',
-    "worse, better: the interval lies outside the margin ({margins}), and enough runs confirm the "
-    "change. slight, same: the interval lies inside the margin.",
-    "Lost runs: McNemar's exact test on runs that only one side lost, over all scenarios.",
-    "Look {look} of {looks}; the probability of error is divided equally among the looks.",
+    "The results are based on {seeds} common seeds. The change is the geometric mean of "
+    "candidate/base, in percent or as a factor. For a bias, the change is the difference "
+    "candidate − base. A standard deviation (std) is computed around the mean of all runs.",
+    "The interval is Student's t interval for the mean log-ratio, at the level of Holm's "
+    'procedure. The probability of any false verdict "worse" or "better" is at most '
+    "{percent:.2g} %.",
+    'The verdict is "worse" or "better" if the interval lies outside the margin ({margins}) and '
+    'enough runs confirm the change. The verdict is "slight" or "same" if the interval lies inside '
+    "the margin.",
+    "McNemar's exact test compares the numbers of runs that diverge or never settle.",
+    "This is interim analysis {look} of {looks}. All analyses have the same error probability.",
 )
 
 
@@ -60,18 +64,19 @@ OWN = ("base", "candidate", "seeds", "look", "looks", "failed", "gaps")
 
 
 def as_dict(c: Comparison) -> dict[str, Any]:
-    """Return the verdict with all tables, for the terminal, the HTML page and compare.json.
+    """Return the verdict and all tables for the terminal, the HTML page and compare.json.
 
     Returns
     -------
     dict
         ``verdict`` is one word, ``headline`` is one line, and ``advice`` is a list of lines with
-        suggestions. ``columns`` contains the headings of the table. ``rows`` contains the rows of
-        the table, the most important first. The keys of a row are the columns from
-        `flexaxis.experiments.gate.verdict.judge`, and ``text`` with the cells as texts. ``legend``
-        contains at most five lines. ``lost`` contains the verdicts on lost runs. ``equal_noise``
-        contains the tuned settings of both estimators. ``base, candidate, seeds, look, looks,
-        alpha, failed, gaps`` describe the comparison.
+        suggestions. ``columns`` contains the headings of the score table. ``rows`` contains the
+        rows of the score table, with the most important row first. The keys of a row are the
+        columns from `flexaxis.experiments.gate.verdict.judge`, and ``text``, which contains the
+        formatted table cells. ``legend`` contains at most five lines that explain the table.
+        ``lost`` contains the verdicts on diverged and unsettled runs. ``equal_noise`` contains the
+        tuned settings of both estimators. ``base, candidate, seeds, look, looks, alpha, failed,
+        gaps`` describe the comparison.
     """
     rows = c.rows[c.rows["verdict"] != SILENT]  # omit biases that are not worse
     shown = json.loads(rows.to_json(orient="records", double_precision=15))
@@ -90,7 +95,7 @@ def as_dict(c: Comparison) -> dict[str, Any]:
 
 
 def headline(c: Comparison, shown: Sequence[Row]) -> str:
-    """Return a line such as "WORSE: lag of f_m at fm_step-v1 is 17 times longer, same noise"."""
+    """Return a line such as "WORSE: lag of f_m on fm_step-v1 is 17 times longer, same noise"."""
     own, clauses = [row for row in shown if row["verdict"] == c.verdict], []
     if own and c.verdict in {WORSE, BETTER}:
         std = {"metric": "std", **{key: own[0][key] for key in KIND}}
@@ -106,7 +111,7 @@ def headline(c: Comparison, shown: Sequence[Row]) -> str:
 
 
 def _scaled(row: Row) -> tuple[Any, str]:
-    """Return the change and its interval as an array (3,), scaled for display, and their unit."""
+    """Return the change and its interval as an array (3,) in the unit for display, and the unit."""
     numbers = np.array([row["change"], *row["interval"]], float)
     if row["scale"] is not None:
         return numbers, METRICS[row["metric"]]
@@ -114,16 +119,16 @@ def _scaled(row: Row) -> tuple[Any, str]:
 
 
 def sentence(row: Row) -> str:
-    """Return a clause like "lag of f_m at fm_step-v1 is 17 times longer (12–23)"."""
+    """Return a clause such as "lag of f_m on fm_step-v1 is 17 times longer (12–23)"."""
     numbers, unit = _scaled(row)
     numbers = abs(numbers ** np.sign(row["change"]) if unit == "times" else numbers)
     word = TEXTS.get(row["metric"], TEXTS["else"])[row["change"] < 0]
-    what = f"{row['metric'].replace('_', ' ')} of {row['parameter']} at {row['scenario']}"
+    what = f"{row['metric'].replace('_', ' ')} of {row['parameter']} on {row['scenario']}"
     return f"{what} is {short(numbers[0])} {unit} {word} ({between(numbers[1:])})"
 
 
 def advice(c: Comparison) -> list[str]:
-    """Return lines that state the limits of the comparison and suggest a next step."""
+    """Return lines that describe weaknesses of the comparison and suggest a next step."""
     names, lines = c.paired.estimated, []
     for fewer, more in permutations(names, 2):
         if rest := ", ".join(sorted(names[more] - names[fewer])):
@@ -138,7 +143,7 @@ def advice(c: Comparison) -> list[str]:
 
 
 def cells(row: Row) -> list[str]:
-    """Return the cells of a row as texts, in the order of `COLUMNS`."""
+    """Return the formatted cells of a table row, in the order of `COLUMNS`."""
     metric, (numbers, unit) = row["metric"].replace("_", " "), _scaled(row)
     change, low, high = map(short, numbers)
     values = (f"{short(row[side])} {METRICS[row['metric']]}".rstrip() for side in SIDES)

@@ -1,4 +1,4 @@
-"""Judge each score and the lost runs of a comparison."""
+"""Judge the changes in all scores and in the numbers of lost runs in a comparison."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -13,33 +13,35 @@ from flexaxis.experiments.scoring.score_table import SCORES
 
 WORSE, UNDECIDED, BETTER, SLIGHT, SAME = "worse", "undecided", "better", "slight", "same"
 ORDER = (WORSE, UNDECIDED, BETTER, SLIGHT, SAME)
-"""The five verdicts; the overall verdict is the first of these words that applies to any score."""
+"""The five verdicts, in the order of their priority for the overall verdict."""
 
 SILENT = "not more"
-"""Verdict without a significant increase of a bias or of lost runs; this verdict does not affect
-the overall verdict."""
+"""Verdict if a bias or the number of lost runs does not increase significantly. The verdict "not
+more" does not affect the overall verdict."""
 
 ALPHA = 0.01
-"""Largest probability of any false verdict "worse" or "better" in a comparison."""
+"""Largest allowed probability of a false verdict "worse" or "better" in a comparison."""
 
 SHARES = {False: 0.5, True: 0.1, "diverged": 0.2, "never_settled": 0.2}
-"""Shares of alpha for tests of scores (False), of biases (True) and of each kind of lost run."""
+"""Fraction of alpha for the tests of scores (False), of biases (True) and of each kind of lost
+run."""
 
 LOST_WORSE = 0.75
-"""Share of alpha for the verdict "worse" in a test of lost runs. With alpha = 0.01, ten newly lost
-runs and no regained runs (p = 2⁻¹⁰) are enough for this verdict."""
+"""Fraction of the significance level for the verdict "worse" in a test of lost runs. With
+alpha = 0.01, ten newly lost runs and no regained runs (p = 2⁻¹⁰) lead to the verdict "worse"."""
 
 UNSEEN = 0.5
-"""Assumed size of a rare opposite change that did not occur in any run. The size is a
-log-ratio, and 0.5 is a factor of 1.65."""
+"""Assumed size of a rare change in the opposite direction that did not occur in any run. The size
+is a log-ratio; a log-ratio of 0.5 corresponds to a factor of 1.65."""
 
 FAILED, SCATTER = 0.2, 4 * 1.4826
-"""Limits for a failure. A pair is a failure if its log-ratio is larger than FAILED and exceeds the
-median by more than SCATTER median absolute deviations (four standard deviations)."""
+"""Limits for a failure. A pair of runs is a failure if its log-ratio is larger than FAILED and also
+exceeds the median log-ratio by more than SCATTER median absolute deviations (four standard
+deviations)."""
 
 
 class Lost(NamedTuple):
-    """Numbers of lost runs of one kind, and the verdict on these runs.
+    """Counts of the runs that diverged (or never settled), and the verdict on these counts.
 
     The attribute `newly` is the number of runs that only the candidate lost. The attribute
     `regained` is the number of runs that only the base lost.
@@ -62,19 +64,19 @@ def judge(paired: Paired, *, alpha: float = ALPHA) -> pd.DataFrame:
     paired : Paired
         Paired scores of base and candidate.
     alpha : float
-        Largest probability of any false verdict "worse" or "better" in the whole comparison.
+        Largest allowed probability of a false verdict "worse" or "better" in the whole comparison.
 
     Returns
     -------
     DataFrame
-        One row per score, the most important first. The columns include ``scenario, metric,
-        parameter, verdict, runs, pairs``. ``base`` and ``candidate`` are means over the pairs, or
-        geometric means if ratios are compared. ``change`` is candidate/base − 1, and ``interval``
-        is the interval for ``change``. For a bias, both numbers are differences, not ratios.
-        ``margin`` has the unit of ``change``. ``p`` is the p-value without correction for multiple
-        tests. ``reason`` explains why a clear change is undecided. The reason is "few" if there are
-        too few runs to exclude rare failures. The reason is "far" if the mean is better, but at
-        least one run is much worse.
+        One row per score, with the most important score first. The columns include ``scenario,
+        metric, parameter, verdict, runs, pairs``. ``base`` and ``candidate`` are means over the
+        paired runs, or geometric means if ratios are compared. ``change`` is candidate/base − 1,
+        and ``interval`` is the confidence interval of ``change``. For a bias, ``change`` is the
+        difference candidate − base. ``margin`` has the unit of ``change``. ``p`` is the p-value
+        without correction for multiple tests. ``reason`` explains why the verdict on a clear change
+        is "undecided". The reason is "few" if there are too few runs to exclude rare failures. The
+        reason is "far" if the candidate is better on average, but much worse in at least one run.
     """
     scores = paired.scores.reset_index(drop=True)
     if scores.empty:
@@ -101,8 +103,8 @@ def decide(
     Parameters
     ----------
     changes : array_like (S, n)
-        log(candidate/base) for each score and seed, or the difference divided by the scale. Entries
-        without a pair are NaN.
+        For each score and seed, log(candidate/base), or the difference divided by the scale. An
+        entry is NaN if the base or the candidate has no score for this seed.
     scenarios, metrics, margins : ndarray (S,)
         Scenario, metric and smallest relevant relative change of each score.
     alpha : float
@@ -111,7 +113,7 @@ def decide(
     Returns
     -------
     DataFrame
-        One row per score: ``pairs, change, low, high, p, verdict, reason``.
+        One row per score, with the columns ``pairs, change, low, high, p, verdict, reason``.
     """
     pairs = pd.DataFrame(changes)
     n, mean, se = pairs.count(axis=1), pairs.mean(axis=1), pairs.sem(axis=1)
@@ -146,13 +148,14 @@ def decide(
 
 
 def _agreeing(way: Any, n: Any, scenarios: Any, metrics: Any) -> tuple[Any, Any]:
-    """Return the number of runs (S,) that confirm each change, and the number of scenario choices.
+    """Return how many runs confirm each change, and how many selections of scenarios exist.
 
     The runs on a scenario confirm a change if any score of the same metric changes in the same
-    direction on this scenario. Each run counts once. The second result (S,) is the number of ways
-    to choose as many scenarios as confirm the change. If a failure has the probability q per run,
-    the probability of no failure in n runs is (1 − q)ⁿ. Therefore n runs cannot exclude failures
-    with a probability q below 1 − alpha^(1/n).
+    direction on this scenario. Each run counts once. The first array (S,) contains the number of
+    runs. The second array (S,) contains the number of ways to select as many scenarios as confirm
+    the change. If a failure has the probability q per run, the probability of no failure in n runs
+    is (1 − q)ⁿ. Therefore n runs cannot exclude failures with a probability q below 1 −
+    alpha^(1/n).
     """
     table = pd.DataFrame({"metric": metrics, "way": way, "scenario": scenarios, "n": n})
     most = table.groupby(["metric", "way", "scenario"])["n"].max()
@@ -163,10 +166,11 @@ def _agreeing(way: Any, n: Any, scenarios: Any, metrics: Any) -> tuple[Any, Any]
 
 
 def judge_lost(newly: int, regained: int, way: str, alpha: float = ALPHA) -> str:
-    """Return the verdict on runs that only one side lost, based on McNemar's exact test.
+    """Return the verdict of McNemar's exact test on the runs that only one estimator lost.
 
     If the test is not significant, the verdict is "undecided" or "not more". The verdict is
-    "undecided" if the candidate newly loses at least one run and regains no more than it loses.
+    "undecided" if the candidate newly loses at least one run, and regains at most as many runs as
+    it loses.
     """
     share = SHARES[way] * alpha
     if sign_p(newly, regained) <= LOST_WORSE * share:
@@ -187,10 +191,11 @@ def losses(paired: Paired, *, alpha: float = ALPHA) -> list[Lost]:
 
 
 def alarming(lost: Sequence[Lost]) -> bool:
-    """Return whether newly lost runs need attention, even if their number is not significant.
+    """Return whether newly lost runs need attention, even if the increase is not significant.
 
-    The result is true if at least two runs are newly lost in the same way, and if either the base
-    loses no runs in this way or the p-value of the increase is at most 5 %.
+    The function examines diverged runs and unsettled runs separately. The result is true if at
+    least two runs of one kind are newly lost, and if the increase is clear. An increase is clear if
+    the base loses no run of the same kind, or if the p-value of the increase is at most 5 %.
     """
     return any(
         way.newly >= 2 and (not way.base or sign_p(way.newly, way.regained) <= 0.05) for way in lost
@@ -198,10 +203,10 @@ def alarming(lost: Sequence[Lost]) -> bool:
 
 
 def overall(verdicts: Sequence[str], lost: Sequence[Lost] = ()) -> str:
-    """Return the overall verdict, which is the first word of `ORDER` among all verdicts.
+    """Return the overall verdict, which is the verdict with the highest priority in `ORDER`.
 
-    If the verdicts contain no word of `ORDER`, the result is "same". Without any score, the result
-    is "undecided".
+    If no verdict appears in `ORDER`, the overall verdict is "same". If there are no scores, the
+    overall verdict is "undecided".
     """
     words = {*verdicts, *(way.verdict for way in lost)}
     return next((word for word in ORDER if word in words), SAME if len(verdicts) else UNDECIDED)

@@ -1,7 +1,7 @@
 """Cache simulated records in NetCDF files, and remove the least recently used files.
 
-The key of a record consists of the hash of its scenario (`Scenario.record_hash`), the seed, the
-version of MuJoCo, and a digest of the simulation code and the MJCF.
+The cache key of a record consists of the scenario hash (`Scenario.record_hash`), the seed, the
+MuJoCo version, and a digest of the simulation code and the MJCF model files.
 """
 
 import io
@@ -29,13 +29,13 @@ SHORT = 12
 
 @dataclass(frozen=True)
 class RecordCache:
-    """A folder of records with a size limit [bytes]."""
+    """A folder of cached records with a size limit [bytes]."""
 
     folder: Path
     limit: int = LIMIT
 
     def get(self, scenario: Scenario, seed: int) -> Record | None:
-        """Return a record, or None if its file is missing or damaged; remove a damaged file."""
+        """Return a record, or None if the file is missing or damaged; remove a damaged file."""
         path = self._path(scenario, seed)
         try:
             with h5py.File(path) as file:
@@ -47,7 +47,7 @@ class RecordCache:
             return None
 
     def put(self, scenario: Scenario, record: Record) -> None:
-        """Store a record; ignore errors caused by a full disk or a read-only folder."""
+        """Store a record in the cache; ignore errors due to a full disk or a read-only folder."""
         content = io.BytesIO()  # if HDF5 wrote to a full disk, HDF5 would end the process
         with h5py.File(content, "w") as file:
             for name in [*SIGNALS][1:]:  # without the time, which is computed from the scenario
@@ -59,13 +59,13 @@ class RecordCache:
                 new.write_bytes(content.getvalue())
 
     def entries(self) -> list[Path]:
-        """Return the files in the cache, sorted by the time of their last use."""
+        """Return all files in the cache, sorted by the time of last use."""
         return sorted(self.folder.glob("*.nc"), key=lambda path: path.stat().st_mtime_ns)
 
     def evict(self, limit: int) -> int:
-        """Remove the least recently used files until the cache has at most `limit` bytes.
+        """Remove the least recently used files until the cache size is at most `limit` bytes.
 
-        Return the number of removed files.
+        The method returns the number of removed files.
         """
         total, removed = 0, 0
         for path in self.entries()[::-1]:
@@ -82,7 +82,7 @@ class RecordCache:
 
 
 def default_cache() -> RecordCache:
-    """Return the user's cache in the folder FLEXAXIS_CACHE, or in the default cache folder."""
+    """Return the record cache in the folder FLEXAXIS_CACHE, or in the default cache folder."""
     from flexaxis.estimators.models.compiler import user_cache
 
     usual = user_cache() / "flexaxis" / "records"
@@ -90,9 +90,9 @@ def default_cache() -> RecordCache:
 
 
 def records(scenario: Scenario, seeds: Sequence[int], cache: RecordCache | None) -> list[Record]:
-    """Return the records of a scenario for some seeds; simulate records that are not cached.
+    """Return the records of a scenario for the given seeds; simulate records that are not cached.
 
-    Cached records and simulated records are bitwise equal.
+    A cached record is bitwise equal to a newly simulated record.
     """
     if cache is None:
         return simulate(scenario, seeds)
@@ -108,13 +108,13 @@ def records(scenario: Scenario, seeds: Sequence[int], cache: RecordCache | None)
 
 
 def keep_nominal_runs(cache: RecordCache | None) -> AbstractContextManager[None]:
-    """Return a context manager that also caches nominal runs, which many scenarios share."""
+    """Return a context manager that caches simulated nominal runs, which many scenarios share."""
     return nominal_runs(lambda scenario: records(scenario, [0], cache)[0].torque)
 
 
 @cached
 def digest_of(*packages: str) -> str:
-    """Return a digest of the code, the models and the settings in some packages of flexaxis."""
+    """Return a digest of the code, models and settings in the given packages of flexaxis."""
     content = sha256()
     for package in packages:
         folder = Path(str(files(f"flexaxis.{package}")))

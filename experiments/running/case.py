@@ -43,18 +43,18 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Options:
-    """Options of a worker.
+    """Options of a worker process.
 
     Attributes
     ----------
     cache : RecordCache or None
         Cache of simulated records.
     traces : bool
-        Whether to keep the curves for figures of single runs.
+        Whether to keep the trajectories for figures of single runs.
     time_limit : float
         Time limit for one run of a user's estimator [s].
     log : str
-        Path of the file for the traceback of a run that exceeds the time limit.
+        Path of the file to which the traceback is written if a run exceeds the time limit.
     """
 
     cache: RecordCache | None = None
@@ -65,24 +65,24 @@ class Options:
 
 @dataclass(frozen=True, eq=False)
 class Done:
-    """The result of a case.
+    """The result of a run of one estimator on one record.
 
     Attributes
     ----------
     id : str
-        Id of the case, from `case_id`.
+        Identifier of the run, from `case_id`.
     about : str
-        Properties that all cases of an estimator on a scenario share, as JSON.
+        Properties that all runs of an estimator on a scenario share, as JSON.
     seed : int
         Seed of the record.
     numbers : ndarray (p, n)
-        Values of the columns `NUMBERS`, with one row per parameter; NaN means undefined.
+        Values of the columns `NUMBERS`, with one row per parameter. An undefined value is NaN.
     isolation : str or None
-        Parameters that the estimator reports as changed for each fault, as JSON.
+        For each fault, the parameters that the estimator reports as changed, as JSON.
     error : str or None
-        Error message of a failed case.
+        Error message if the run failed.
     trace : bytes or None
-        Data for the figures of the case, from `pack`.
+        Trajectories for the figures of the run, from `pack`.
     """
 
     id: str
@@ -95,11 +95,11 @@ class Done:
 
 
 Outcome = list[Done | str]
-"""Result of each case of a unit, or a text that explains why the machine could not run the case."""
+"""Result of each run in a unit of work, or the reason why the run could not be executed."""
 
 
 def run_unit(unit: Unit, options: Options) -> Outcome:
-    """Run all cases of a unit, and return their results."""
+    """Execute all runs of a unit of work, and return their results."""
     # With one thread, all workers produce bitwise equal rows.
     with threadpool_limits(1), keep_nominal_runs(options.cache), warnings.catch_warnings():
         warnings.filterwarnings("ignore", category=UserWarning, module="flexaxis")
@@ -109,7 +109,7 @@ def run_unit(unit: Unit, options: Options) -> Outcome:
 
 
 def simulate_units(units: Sequence[Unit], options: Options) -> None:
-    """Simulate the records of some units, and store the records in the cache."""
+    """Simulate the records for the given units of work, and store the records in the cache."""
     for unit in units:
         seeds = list(dict.fromkeys(seed for _, _, seed in unit.cases()))
         _records(unit.scenario, seeds, options.cache)
@@ -118,7 +118,7 @@ def simulate_units(units: Sequence[Unit], options: Options) -> None:
 def _records(
     scenario: Scenario, seeds: Sequence[int], cache: RecordCache | None
 ) -> dict[int, Record | str]:
-    """Return the record of each seed, or the error message if the simulation of this seed fails."""
+    """Return the record for each seed, or the error message if the simulation fails."""
     try:
         return dict(zip(seeds, records(scenario, seeds, cache), strict=True))
     except SimulationError as error:
@@ -128,7 +128,7 @@ def _records(
 
 
 def _run(unit: Unit, case: PlannedCase, record: Record | str, options: Options) -> Done | str:
-    """Run a case and return its result, or the reason why the machine could not run the case."""
+    """Execute a run; return the result, or the reason why the run could not be executed."""
     _, setting, seed = case
     if isinstance(record, str):  # the simulation failed: return one row without scores
         return _done(unit, case, [undefined()], record)
@@ -147,7 +147,7 @@ def _run(unit: Unit, case: PlannedCase, record: Record | str, options: Options) 
 
 
 def run_case(scenario: Scenario, record: Record, spec: Spec, options: Options = Options()) -> Case:
-    """Run an estimator on a record and score the estimates.
+    """Run an estimator on a record, and score the estimates.
 
     Raises
     ------
@@ -164,7 +164,7 @@ def run_case(scenario: Scenario, record: Record, spec: Spec, options: Options = 
         findings = getattr(estimator, "findings", None)
         track = track_of(drawn, record, estimator.names, theta, claimed, innovations, findings)
         if scenario.controller.adapt:
-            with reported(spec.text, f"in the loop of {drawn.name}, seed {record.seed}"):
+            with reported(spec.text, f"in the control loop of {drawn.name}, seed {record.seed}"):
                 worth = tracking(scenario, record.seed or 0, build(spec, drawn))
             track = replace(track, tracking=worth)
     cost = {"us_per_sample": 1e6 * seconds / len(theta), "seconds": seconds}
@@ -176,16 +176,16 @@ def run_case(scenario: Scenario, record: Record, spec: Spec, options: Options = 
 def follow(
     text: str, estimator: Estimator, scenario: Scenario, record: Record
 ) -> tuple[Array, Any, Array | None]:
-    """Run an estimator on a whole record, and read the covariance that it reports before the fault.
+    """Run an estimator on a whole record, and read the reported covariance before the fault.
 
     Parameters
     ----------
     text : str
-        Name of the estimator, for messages.
+        Name of the estimator for error messages.
     estimator : Estimator
         Estimator in its initial state.
     scenario : Scenario
-        Scenario of the record, which defines the time of the first fault.
+        Scenario of the record, which determines the time of the first fault.
     record : Record
         Record with the torque and the measured outputs.
 
@@ -196,7 +196,7 @@ def follow(
     claimed : ndarray (p, p) or None
         Covariance that the estimator reports before the first fault (see `claimed_at`).
     innovations : ndarray (N, 2) or None
-        Innovations y − ŷ, and the variances that the estimator reports for them.
+        Innovations y − ŷ, and the innovation variances that the estimator reports.
 
     Raises
     ------
@@ -222,8 +222,8 @@ def follow(
     for what, (values, width) in outputs.items():
         if values is not None and values.shape != (samples, width):
             raise EstimatorError(
-                f"{text} returned {what} of the shape {values.shape} {where}; the shape must be "
-                f"{(samples, width)}, with one row per sample"
+                f"{text} returned {what} with the shape {values.shape} {where}, but the shape "
+                f"must be {(samples, width)}, with one row per sample"
             )
     return theta, claimed, innovations
 
@@ -232,16 +232,16 @@ def track_of(  # noqa: PLR0917
     scenario: Scenario, record: Record, estimated: Sequence[str], theta: Array, claimed: Any,
     innovations: Array | None, findings: Sequence[Any] | None,
 ) -> Track:  # fmt: skip
-    """Return a track of the estimates, without parameters whose initial true value is zero.
+    """Return the estimates and true values of all parameters with a nonzero initial true value.
 
     Parameters
     ----------
     scenario : Scenario
-        Scenario with the random onset of this record.
+        Scenario that contains the random onset of this record.
     record : Record
         A simulated record.
     estimated : sequence of str
-        Names of all p estimates.
+        Names of all p estimated parameters.
     theta, claimed, innovations
         Results of `follow`.
     findings : sequence or None
@@ -274,19 +274,19 @@ def _done(
 
 
 def numbers_of(lines: Sequence[Mapping[str, Any]]) -> Array:
-    """Return the values (p, n) of the columns `NUMBERS` from rows with nested tables."""
+    """Return the values (p, n) of the columns `NUMBERS` from score rows with nested dicts."""
     table = pd.json_normalize(list(lines)).reindex(columns=NUMBERS)
     return np.ascontiguousarray(table.to_numpy(float))
 
 
 def pack(case: Case) -> bytes:
-    """Return the data for the figures of a case, as the bytes of an .npz file."""
+    """Return the trajectories of a run as the bytes of an .npz file."""
     buffer = io.BytesIO()
     np.savez(buffer, names=case.names, curve=case.curve, near=case.near)
     return buffer.getvalue()
 
 
 def unpack(content: bytes) -> Case:
-    """Return the case from the bytes that `pack` returned; the case has no rows."""
+    """Return the names and trajectories of a run from the bytes that `pack` returned."""
     with np.load(io.BytesIO(content)) as stored:
         return Case(tuple(stored["names"].tolist()), stored["curve"], stored["near"])

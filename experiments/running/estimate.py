@@ -1,4 +1,4 @@
-"""Run one estimator on one record, and write its estimates and reported covariances to a file."""
+"""Run an estimator on a record, and write the estimates and covariances to a file."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -27,7 +27,7 @@ def true_values(names: Sequence[str], record: Record, at: Any) -> dict[str, Any]
 def run_on(
     estimator: Estimator, u: Array, y: Array, valid: NDArray[np.bool_] | None = None
 ) -> tuple[Array, Array | None, NDArray[np.bool_]]:
-    """Run an estimator from its current state, and collect its covariances and alarms.
+    """Run an estimator from its current state, and collect estimates, covariances and alarms.
 
     Parameters
     ----------
@@ -36,7 +36,8 @@ def run_on(
     u, y : ndarray (n,)
         Torque [N m] and measured output.
     valid : ndarray (n,) of bool, optional
-        False for each sample at which y was not measured. By default, y was always measured.
+        False for each sample at which y was not measured. By default, y was measured at every
+        sample.
 
     Returns
     -------
@@ -68,12 +69,12 @@ def write_estimates(
     path: Path, times: Any, theta: Any, names: Sequence[str], about: Mapping[str, Any],
     **claimed: Array | None,
 ) -> None:  # fmt: skip
-    """Write ``time``, ``theta`` (time, estimate) and reported covariances to a NetCDF-4 file.
+    """Write the times, the estimates and the reported covariances to a NetCDF-4 file.
 
     Parameters
     ----------
     path : Path
-        File to write; its folder is created.
+        File to write. The function creates the folder of the file if necessary.
     times : ndarray (N,)
         Time of each sample [s].
     theta : ndarray (N, p)
@@ -83,7 +84,8 @@ def write_estimates(
     about : mapping
         Attributes of the file.
     **claimed : ndarray or None
-        ``covariance`` (N, p, p) or standard ``deviation`` (N, p) that the estimator reports.
+        The ``covariance`` (N, p, p) or the standard ``deviation`` (N, p) that the estimator
+        reports.
 
     Raises
     ------

@@ -1,9 +1,9 @@
-"""Create estimators from the text of the option `--estimator` and the properties of an axis.
+"""Create estimators from the value of the option `--estimator` and the properties of an axis.
 
-The text is the name of a registered estimator, the name of an entry point in the group
-`flexaxis.estimators`, ``path/file.py:Class``, or ``package.module:Class``. Options follow in
-brackets, in the syntax of TOML (``rpem-forgetting[forgetting=0.99]``). The text ``pipe:COMMAND``
-runs a program in any language.
+The value is the name of a registered estimator, the name of an entry point in the group
+`flexaxis.estimators`, ``path/file.py:Class``, or ``package.module:Class``. Estimator options follow
+in brackets, in TOML syntax (``rpem-forgetting[forgetting=0.99]``). The value ``pipe:COMMAND`` runs
+an estimator program in any language.
 """
 
 import inspect
@@ -52,7 +52,7 @@ Factory = Callable[..., Any]
 
 
 class Misfit(EstimatorError):
-    """The estimator cannot run on the scenario, although both are valid."""
+    """The estimator cannot run on the scenario, although both of them are valid."""
 
 
 @dataclass(frozen=True)
@@ -62,11 +62,11 @@ class Spec:
     Attributes
     ----------
     text : str
-        Text of the option `--estimator`.
+        Value of the option `--estimator`.
     options : mapping
-        Options of the estimator in the text, keyed by name.
+        Options of the estimator, keyed by name.
     session : callable or None
-        Class of the estimator, if the class was defined in this session and not in a file.
+        Class of the estimator if the class was defined in an interactive session and not in a file.
     """
 
     text: str
@@ -75,12 +75,12 @@ class Spec:
 
     @property
     def name(self) -> str:
-        """The text without its options."""
+        """The estimator text without the options in brackets."""
         return self.text if self.text.startswith(PIPE) else self.text.partition("[")[0].strip()
 
     @property
     def is_users(self) -> bool:
-        """Whether the estimator is user code: a file, module, program, entry point or class."""
+        """Whether the estimator is user code, such as a file, a program or an entry point."""
         return self.session is not None or self.name not in REGISTRY
 
     @property
@@ -99,10 +99,10 @@ class Spec:
 
     @cached_property
     def digest(self) -> str | None:
-        """Digest of user code; None for a registered estimator or an entry point.
+        """Digest of user code, or None for a registered estimator or an entry point.
 
-        The digest covers the file of the class, all files that are words of the command, or the
-        source of a class that was defined in this session.
+        The digest covers the file that defines the class, all files that the command line names, or
+        the source code of a class from an interactive session.
         """
         if self.session is not None:
             content = _source(self.session)
@@ -122,7 +122,7 @@ def _source(make: Factory) -> bytes:
 
 
 def _words(name: str) -> list[str]:
-    """Return the words of a pipe command, or the file that defines a class."""
+    """Return the words of a pipe command line, or the file that defines a class."""
     if name.startswith(PIPE):
         return shlex.split(name.removeprefix(PIPE))
     return [code_file(name) or getattr(find_spec(name.rpartition(":")[0]), "origin", None) or ""]
@@ -132,14 +132,15 @@ _session: dict[str, Factory] = {}
 
 
 def text_of(make: str | Factory) -> str:
-    """Return the text that identifies an estimator class; return a text unchanged."""
+    """Return the text that identifies an estimator class; return a string argument unchanged."""
     if isinstance(make, str):
         return make
     name, module = getattr(make, "__name__", ""), getattr(make, "__module__", "__main__")
     if not name.isidentifier() or name in REGISTRY:
         raise EstimatorError(
-            f"{make!r}: give a name such as 'glr', or a class whose name is not registered. An "
-            "instance does not work, because each run needs a new estimator"
+            f"{make!r}: give the name of an estimator such as 'glr', or a class with a name that "
+            "is not registered. An instance of a class does not work, because each run needs a "
+            "new instance"
         )
     home = sys.modules.get(module)
     if module != "__main__" and getattr(home, name, None) is make and home.__spec__:  # type: ignore[union-attr]
@@ -149,25 +150,25 @@ def text_of(make: str | Factory) -> str:
 
 
 def parse(text: str) -> Spec:
-    """Parse the text of `--estimator` without importing user code.
+    """Parse the value of the option `--estimator` without importing user code.
 
     Raises
     ------
     EstimatorError
-        If the text names an estimator, file or option that does not exist.
+        If `text` names an estimator, a file or an option that does not exist.
     """
     if text.startswith(PIPE):  # brackets are part of the command
         return Spec(text)
     spec = Spec(text, written_options(text), _session.get(text.partition("[")[0].strip()))
     name = spec.name
     if (file := code_file(name)) and not Path(file).is_file():
-        raise EstimatorError(f"{file} cannot be imported: the file does not exist")
+        raise EstimatorError(f"the estimator file {file} does not exist")
     ours = name in REGISTRY or spec.session or names_code(name)
     if not ours and name not in (installed := _installed()):
         raise EstimatorError(
-            f"unknown estimator {name!r}.{did_you_mean(name, [*REGISTRY, *installed])} `flexaxis "
-            "list` shows all estimators. For your own estimator, write path/file.py:Class, "
-            "package.module:Class or pipe:COMMAND"
+            f"unknown estimator {name!r}.{did_you_mean(name, [*REGISTRY, *installed])} Run "
+            "`flexaxis list` to list all estimators. To use your own estimator, write "
+            "path/file.py:Class, package.module:Class or pipe:COMMAND"
         )
     if name in REGISTRY:
         keywords(spec)
@@ -179,7 +180,7 @@ def _installed() -> dict[str, Any]:
 
 
 def written_options(text: str) -> dict[str, Any]:
-    """Return the options in the text of an estimator.
+    """Return the estimator options that are written in brackets.
 
     Raises
     ------
@@ -192,13 +193,13 @@ def written_options(text: str) -> dict[str, Any]:
     {'gain': 0.1}
     """
     rest = "" if text.startswith(PIPE) else text.partition("[")[2]
-    source = f"{shown(text)}: write options as in [forgetting=0.99, regularization=1e-6]"
+    source = f"{shown(text)}: write options in the form [forgetting=0.99, regularization=1e-6]"
     table = "options = {" + rest.removesuffix("]") + "}"
     return toml_tables(table, source=source, refuse=EstimatorError)["options"] if rest else {}
 
 
 def with_options(text: str, options: Mapping[str, Any]) -> str:
-    """Add or replace options in the text of an estimator, and return the new text.
+    """Add or replace options in an estimator text, and return the new text.
 
     Examples
     --------
@@ -224,29 +225,29 @@ def keywords(spec: Spec) -> set[str]:
     Raises
     ------
     EstimatorError
-        If the text contains an option that is not one of these arguments.
+        If the specification contains an option that the constructor does not accept.
     """
     parameters = list(inspect.signature(spec.make).parameters.values())[2:]
     known = {p.name for p in parameters if p.kind in (p.KEYWORD_ONLY, p.POSITIONAL_OR_KEYWORD)}
     for key in spec.options:
         if key not in known:
             raise EstimatorError(
-                f"{spec.name} has no option {key!r}.{did_you_mean(key, known)} "
-                f"Its options: {', '.join(sorted(known)) or 'none'}"
+                f"{spec.name} has no option {key!r}.{did_you_mean(key, known)} The options of "
+                f"this estimator are: {', '.join(sorted(known)) or 'none'}"
             )
     return known
 
 
 def make_estimator(spec: Spec, nominal: Any, period: float, **known: Any) -> Estimator:
-    """Construct an estimator from nominal values (a mapping or a model) and a period [s].
+    """Construct an estimator from the nominal values (a mapping or a model) and the period [s].
 
-    The constructor receives each value of `known` for which it has a keyword argument. Options in
-    the text override `known`.
+    The constructor receives each value of `known` that matches one of its keyword arguments.
+    Options in the specification override the values of `known`.
 
     Raises
     ------
     EstimatorError
-        If the constructor refuses an option, or if the object is not an estimator.
+        If the constructor rejects an option, or if the constructed object is not an estimator.
     EstimatorCrash
         If the constructor raises any other exception.
     """
@@ -265,18 +266,19 @@ def make_estimator(spec: Spec, nominal: Any, period: float, **known: Any) -> Est
 
 
 def build(spec: Spec, scenario: Scenario) -> Estimator:
-    """Construct an estimator from those properties of a scenario that estimators may know.
+    """Construct an estimator from the scenario properties that estimators are allowed to know.
 
-    The constructor receives the period and the nominal parameters, which are scaled by `start` and
-    include data-sheet values. If the constructor has these keyword arguments, it also receives
-    `identify`, `output`, `noise` (if the data sheet contains a noise level) and `torque` (the
-    torque of a nominal run, to compute P(0)). Registered estimators are cached and copied, because
-    their construction takes as long as a run. A user's estimator is constructed for each run.
+    The constructor receives the sampling period and the nominal parameters. The nominal parameters
+    are scaled by `start` and include data-sheet values. The constructor also receives the arguments
+    `identify`, `output`, `noise` and `torque` if it accepts these keywords. The argument `noise`
+    requires a data sheet with a noise level, and `torque` is the torque of a nominal run for
+    computing P(0). Registered estimators are cached and copied, because constructing an estimator
+    takes as long as a run. A user-written estimator is constructed anew for each run.
 
     Raises
     ------
     EstimatorError
-        If an option is refused, or if the estimator does not fit the scenario (`Misfit`).
+        If an option is rejected, or if the estimator cannot run on the scenario (`Misfit`).
     EstimatorCrash
         If the constructor raises any other exception.
     """
@@ -294,7 +296,7 @@ def build(spec: Spec, scenario: Scenario) -> Estimator:
 
 @lru_cache(KEPT)
 def _registered(key: bytes) -> Any:
-    """Return a compiled registered estimator for the arguments that `key` contains."""
+    """Return a compiled registered estimator for the constructor arguments in `key`."""
     text, model, nominal, period, known = pickle.loads(key)
     axis = nominal if model == DEFAULT else MODELS[model].factory(nominal)
     estimator: Any = make_estimator(parse(text), axis, period, **known)
@@ -304,7 +306,7 @@ def _registered(key: bytes) -> Any:
 
 
 def _known(spec: Spec, scenario: Scenario, nominal: Mapping[str, float]) -> dict[str, Any]:
-    """Return keyword arguments for a constructor: `identify`, `output`, `noise` and others."""
+    """Return the keyword arguments of a constructor, such as `identify` and `output`."""
     from flexaxis.experiments.scoring.nominal import design_torque, nominal_torque
 
     laws = bool(getattr(REGISTRY.get(spec.name, spec.make), "laws", False))
@@ -312,7 +314,7 @@ def _known(spec: Spec, scenario: Scenario, nominal: Mapping[str, float]) -> dict
     if not identify:
         raise Misfit(
             f"{spec.text} does not declare `laws`, but {scenario.name} identifies only "
-            f"{', '.join(scenario.identify)}: omit the scenario"
+            f"{', '.join(scenario.identify)}. Omit this scenario"
         )
     known: dict[str, Any] = {"identify": identify, "output": scenario.output}
     if (noise := scenario.data_sheet.get("noise")) is not None:
@@ -329,7 +331,7 @@ def _known(spec: Spec, scenario: Scenario, nominal: Mapping[str, float]) -> dict
 
 
 def _check_fits(text: str, estimator: Estimator, scenario: Scenario) -> None:
-    """Raise an error if an estimator cannot run on a scenario or its estimates cannot be scored."""
+    """Raise an error if an estimator cannot run on a scenario, or if no estimate can be scored."""
     names, besides = tuple(estimator.names), (*LAW_NAMES, *ESTIMATED_ONLY)
     problems = estimated_problems(names, scenario, key="names", besides=besides)
     if lines := [f"{text}: {key}: {problem}" for key, problem in problems]:
@@ -338,6 +340,6 @@ def _check_fits(text: str, estimator: Estimator, scenario: Scenario) -> None:
         raise Misfit(
             f"{text} reads {estimator.output!r} and estimates {', '.join(names)}, but "
             f"{scenario.name} provides {scenario.output!r} and contains "
-            f"{', '.join(scenario.parameter_names)}: change the estimator's `output`, or omit the "
-            "scenario"
+            f"{', '.join(scenario.parameter_names)}. Change the `output` of the estimator, or "
+            "omit this scenario"
         )

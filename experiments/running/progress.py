@@ -1,4 +1,4 @@
-"""Show progress and remarks on stderr; the option --quiet suppresses both."""
+"""Show progress and remarks on stderr, unless the option --quiet is set."""
 
 import sys
 from collections.abc import Callable, Iterator
@@ -7,16 +7,16 @@ from contextvars import ContextVar
 from functools import partial
 
 QUIET: ContextVar[bool] = ContextVar("quiet", default=False)
-"""Whether to suppress progress and remarks."""
+"""Whether to suppress the progress bar and remarks."""
 LINE: ContextVar[str] = ContextVar("line", default="")
-"""Command line of the running command; empty if flexaxis is called from Python code."""
+"""Command line of the current command; empty if flexaxis is called from Python code."""
 
 
 @contextmanager
 def progress(what: str, total: float) -> Iterator[Callable[[float], None]]:
-    """Show a progress bar, and yield a function that advances the bar by an amount of work.
+    """Show a progress bar, and yield a function that advances the bar by a given amount.
 
-    A terminal shows the progress bar with the remaining time. Other outputs show nothing.
+    The progress bar with the remaining time appears only if stderr is a terminal.
     """
     from rich.console import Console
     from rich.progress import Progress

@@ -1,4 +1,4 @@
-"""Provide the results of a study as a DataFrame, pooled scores, xarray, CSV or Parquet."""
+"""Provide the results of a study as pooled scores, a DataFrame, a Dataset, CSV or Parquet."""
 
 from __future__ import annotations
 
@@ -37,14 +37,15 @@ class Results:
     store : Store
         Store of the rows.
     study : mapping
-        Description from `describe`. If it contains no ``variants``, the results include all cases.
+        Description of the study, from `describe`. Without the key ``variants``, the results include
+        all runs in the store.
 
     Attributes
     ----------
     folder : Path or None
-        Folder of the store; None for rows in memory.
+        Folder of the store, or None if the scores are in memory.
     axes : tuple of str
-        Keys that the study sweeps.
+        Names of the scenario keys and options that the study sweeps.
     """
 
     def __init__(self, store: Store, study: Mapping[str, Any]) -> None:
@@ -58,16 +59,18 @@ class Results:
         Raises
         ------
         StudyError
-            If the folder contains no rows, or only rows of a comparison or a tuning.
+            If the folder contains no results, or only results of a comparison or of tuning.
         """
         store = Store.read(Path(folder))
         if study := store.told("study"):
             return cls(store, study)
-        raise StudyError(f"{folder} contains rows of a comparison or a tuning, but no study")
+        raise StudyError(
+            f"{folder} contains results of a comparison or of tuning, but not of a study"
+        )
 
     @cached_property
     def frame(self) -> pd.DataFrame:
-        """All rows, one per case and parameter, with the most important columns first."""
+        """Scores with one row per run and parameter, and with the main columns first."""
         table = self._store.frame(self._variants)
         table = table[table["seed"].isin(self.study.get("seeds", table["seed"]))].reset_index(
             drop=True
@@ -78,7 +81,7 @@ class Results:
 
     @cached_property
     def _variants(self) -> dict[int, dict[str, Any]]:
-        """Common properties of all cases of each variant, in the order of the rows."""
+        """Properties that all runs of each variant share, in the order of the rows in `frame`."""
         every = self._store.variants()
         labels = {_key(label): label for label in self.study.get("variants", every.values())}
         order = {key: place for place, key in enumerate(labels)}
@@ -92,40 +95,40 @@ class Results:
 
     @property
     def cases(self) -> int:
-        """Number of cases, including failed cases."""
+        """Number of runs, including failed runs."""
         return int(self.frame["case"].nunique())
 
     @property
     def missing(self) -> int:
-        """Number of cases of the study that have no results, such as the cases of other shards."""
+        """Number of runs in the study that have no results, such as the runs of other shards."""
         return len(self.study["variants"]) * len(self.study["seeds"]) - self.cases
 
     @property
     def failures(self) -> pd.DataFrame:
-        """The failed cases, with the columns scenario, estimator, setting, seed and error."""
+        """Table of failed runs, with the columns scenario, estimator, setting, seed and error."""
         failed = self.frame[self.frame["error"].notna()].drop_duplicates("case")
         names = ["scenario", "estimator", "setting", "seed", "error"]
         return failed[names].reset_index(drop=True)
 
     def scores(self, *by: str, scores: Sequence[str] | None = None) -> pd.DataFrame:
-        """Return pooled scores with 95 % intervals (see `pooled`) as a DataFrame."""
+        """Return pooled scores with 95 % confidence intervals as a DataFrame (see `pooled`)."""
         return pd.DataFrame(self.pooled(*by, scores=scores))
 
     def pooled(self, *by: str, scores: Sequence[str] | None = None) -> list[dict[str, Any]]:
-        """Return pooled scores with 95 % intervals, one for each group of rows.
+        """Return pooled scores with 95 % confidence intervals for each group of rows.
 
         Parameters
         ----------
         *by : str
-            Columns that define the groups (default: scenario, estimator and all axes). All rows of
-            a group have the same parameter and the same value of ``changed``.
+            Columns that define the groups (default: scenario, estimator and all swept keys). All
+            rows of a group also have the same parameter and the same value of ``changed``.
         scores : sequence of str, optional
             Scores to pool (default: all).
 
         Returns
         -------
         list of dict
-            One dict per group, in the order of the study. A dict contains the columns of `by`,
+            One dict per group, in the order of the study. Each dict contains the columns of `by`,
             ``parameter, changed, runs, seeds``, and the same scores as summary.json. The excess
             error of a group with several scenarios is None, because the excess error is defined for
             a single scenario.
@@ -159,7 +162,7 @@ class Results:
         return lines
 
     def _excess(self, columns: Mapping[Any, Columns], first: int) -> dict[str, Any]:
-        """Return the excess error of a group, which is the same for all parameters."""
+        """Return the pooled excess error of a group, which is the same for all parameters."""
         if len({point for own in columns.values() for point in own["point"]}) == 1:
             scenario = self.scenario(self.frame.loc[first])
             by_name = {name: own for (name, _), own in columns.items()}
@@ -169,7 +172,7 @@ class Results:
         return {"excess": None, "excess_interval": None}
 
     def scenario(self, row: Mapping[str, Any]) -> Scenario:
-        """Return the scenario of a row of `frame`, including its swept values."""
+        """Return the scenario of a row in `frame`, including the swept values."""
         definitions = {s["definition"]["name"]: s["definition"] for s in self.study["scenarios"]}
         base = scenario_from(definitions[row["scenario"]], source=row["scenario"])
         variants = {about["hash"]: about["changes"] for about in self._variants.values()}
@@ -178,23 +181,23 @@ class Results:
         return base.override(changes, inherit=inherit) if changes else base
 
     def traces(self, scenario_hash: str, setting: str) -> dict[int, Case]:
-        """Return the data for figures of single runs, keyed by seed.
+        """Return the trajectories for figures of single runs, keyed by seed.
 
         Parameters
         ----------
         scenario_hash, setting : str
-            Values of the columns ``hash`` and ``setting`` of `frame`.
+            Values of the columns ``hash`` and ``setting`` in `frame`.
         """
         seeds, every = {*self.frame["seed"]}, self._store.traces(scenario_hash, setting)
         return {seed: trace for seed, trace in every.items() if seed in seeds}
 
     def to_csv(self, path: str | Path) -> None:
-        """Write all rows to a CSV file."""
+        """Write the scores of all runs to a CSV file."""
         with new_file(Path(path)) as part:
             self.frame.to_csv(part, index=False)
 
     def to_parquet(self, path: str | Path) -> None:
-        """Write all rows to a Parquet file; this method requires pyarrow."""
+        """Write the scores of all runs to a Parquet file; this method requires pyarrow."""
         with new_file(Path(path)) as part:
             self.frame.to_parquet(part, index=False)
 
@@ -202,8 +205,8 @@ class Results:
         """Return a Dataset with the dimensions scenario, estimator, point, seed and parameter.
 
         A point is a combination of swept values. Missing and undefined values are NaN. The swept
-        keys are coordinates of the points. ``set_index(point=[...]).unstack("point")`` turns the
-        swept keys into dimensions.
+        keys are coordinates along the dimension ``point``.
+        ``set_index(point=[...]).unstack("point")`` turns the swept keys into dimensions.
         """
         axes, table = list(self.axes), self.frame[self.frame["parameter"] != ""]
         points = table.groupby(axes, dropna=False).ngroup() if axes else 0
@@ -215,10 +218,10 @@ class Results:
 
 
 def _plain(value: Any) -> Any:
-    """Convert the value of a swept key to a number or a text for a table."""
+    """Convert the value of a swept key to a number or a text that a table can contain."""
     return json.dumps(value) if isinstance(value, list | dict) else value
 
 
 def _value(value: Any) -> Any:
-    """Convert a value from a group's key to a Python value, and a missing value to None."""
+    """Convert a pandas group label to a Python value, and a missing label to None."""
     return None if pd.isna(value) else getattr(value, "item", lambda: value)()

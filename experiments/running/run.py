@@ -1,4 +1,4 @@
-"""Run the missing cases of a study or a shard on worker processes or on another executor."""
+"""Execute the missing runs of a study on worker processes or on another executor."""
 
 import os
 import signal
@@ -44,19 +44,19 @@ Pair = tuple[Scenario, Spec]
 ENVIRONMENT = {"PYTHONSAFEPATH": "1"} | dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"
 )
-"""Environment variables of a worker. The first variable keeps Python from importing modules from
-the current folder, so that no file there can replace a library. The other variables limit the
-worker to one thread."""
+"""Environment variables of a worker process. PYTHONSAFEPATH prevents Python from importing modules
+from the current folder, so that no file in this folder can replace a library. The other variables
+limit the worker to one thread."""
 
 
 class Worker:
-    """A worker process that runs one unit at a time and can be ended separately."""
+    """A worker process that runs one unit of work at a time and can be terminated separately."""
 
     def __init__(self) -> None:
         self._pool = _pool()
 
     def submit(self, work: Callable[..., Any], *args: Any) -> Future[Any]:
-        """Submit work to the process; start the process if necessary."""
+        """Submit work to the worker process, and start the process if necessary."""
         try:
             return self._pool.submit(work, *args)  # type: ignore[no-any-return]
         except BrokenExecutor:  # the idle process was killed
@@ -64,7 +64,7 @@ class Worker:
             return self._pool.submit(work, *args)  # type: ignore[no-any-return]
 
     def end(self) -> None:
-        """End the process and its children."""
+        """Terminate the worker process and its child processes."""
         self._pool.shutdown(wait=True, kill_workers=True)
         self._pool = _pool()
 
@@ -74,7 +74,7 @@ def _pool() -> ProcessPoolExecutor:
 
 
 def _start(parent: int) -> None:
-    """Prepare a worker: ignore Ctrl-C, redirect stdout to stderr, and end if the parent ends."""
+    """Make the worker ignore Ctrl-C, redirect stdout to stderr, and exit if the parent exits."""
     for kind in (signal.SIGINT, signal.SIGTERM):
         signal.signal(kind, signal.SIG_IGN)
     os.dup2(2, 1)
@@ -88,30 +88,30 @@ def _end_with(parent: int) -> None:
 
 
 class Runner:
-    """Context manager that runs studies on one set of workers and stores the rows.
+    """Context manager that runs studies on a set of worker processes and stores the scores.
 
     Parameters
     ----------
     folder : Path, optional
-        Folder for the rows. Later runs do not repeat the finished cases in this folder. Without a
-        folder, rows are kept in memory.
+        Folder in which the scores are stored. Later studies do not repeat finished runs in this
+        folder. Without a folder, the scores are kept in memory.
     jobs : int
         Number of worker processes.
     executor : concurrent.futures.Executor, optional
-        Executor that is used instead of worker processes, such as the executor of a Dask client.
+        Executor to use instead of worker processes, such as the executor of a Dask client.
     cache : RecordCache, optional
-        Cache of records. Without a cache, every record is simulated.
+        Cache of simulated records. Without a cache, every record is simulated again.
     time_limit : float
         Time limit for one run of a user's estimator [s].
     overwrite : bool
-        Whether to remove the existing rows in the folder before the first run.
+        Whether to remove existing scores from the folder before the first run.
     shard : (int, int)
         Number of the shard to run, counted from 1, and number of shards.
 
     Raises
     ------
     StudyError
-        If the rows in the folder were made by another version of the code.
+        If another version of the code computed the scores in the folder.
     FlexaxisError
         If the number of jobs or the time limit is invalid.
     """
@@ -123,7 +123,9 @@ class Runner:
     ) -> None:  # fmt: skip
         limit = TIME_LIMIT if time_limit is None else time_limit
         if not (jobs >= 1 and 0 < limit < float("inf")):
-            raise FlexaxisError(f"jobs {jobs}, time limit {limit} s: both must be positive")
+            raise FlexaxisError(
+                f"number of jobs {jobs}, time limit {limit} s: both must be positive"
+            )
         self._logs = mkdtemp(prefix="flexaxis-")
         weakref.finalize(self, rmtree, self._logs, ignore_errors=True)
         self._options = Options(cache, time_limit=limit)
@@ -134,7 +136,7 @@ class Runner:
 
     @cached_property
     def store(self) -> Store:
-        """Store of the rows; the first access creates the folder or removes its old rows."""
+        """Store of the scores; the first access creates the folder or removes old scores."""
         store = Store(self._folder, overwrite=self._overwrite)
         store.check()
         return store
@@ -151,27 +153,28 @@ class Runner:
         self, study: Study, *, traces: bool = False,
         about: Mapping[str, Any] | None = None,
     ) -> Results:  # fmt: skip
-        """Run the missing cases of a study and return its results.
+        """Execute all runs of a study that have no results yet, and return the results.
 
         Parameters
         ----------
         study : Study
             Study to run.
         traces : bool
-            Whether to keep the curves for figures of single runs. If true, stored cases without
-            curves are run again.
+            Whether to keep the trajectories for figures of single runs. If `traces` is true, stored
+            runs without trajectories are repeated.
         about : mapping, optional
-            Additional properties to store. If `about` is given, the folder records the study as its
-            last study.
+            Additional properties to store. If `about` is given, the description of the study
+            replaces the last description in the folder.
 
         Raises
         ------
         StudyError, EstimatorError
-            If the study is invalid, or an estimator cannot be constructed.
+            If the study is invalid, or if an estimator cannot be constructed.
         NotRun
-            If the machine could not run some cases; the finished cases are kept.
+            If the computer could not execute some runs. The results of finished runs are kept.
         KeyboardInterrupt
-            After Ctrl-C. Stored rows are kept. A second call runs the missing cases.
+            After Ctrl-C. The results of finished runs are kept. A second call executes the missing
+            runs.
         """
         plan = units(study)
         part = plan[self.shard[0] - 1 :: self.shard[1]]
@@ -192,8 +195,8 @@ class Runner:
                 advance(len(cases))
         if lost:
             raise NotRun(
-                f"{lost} cases were not run: {reason}. Finished cases are kept; run the same "
-                "command to resume"
+                f"{lost} runs are missing: {reason}. The results of finished runs are kept. To "
+                "execute the missing runs, repeat the command"
             )
         results = Results(self.store, description)
         if about is not None and self.store.folder:
@@ -204,12 +207,12 @@ class Runner:
         self, scenarios: Sequence[Scenario], estimators: Sequence[str], seeds: Sequence[int], *,
         traces: bool = False,
     ) -> pd.DataFrame:  # fmt: skip
-        """Run the missing cases, and return the rows of all given cases (see `Results.frame`)."""
+        """Execute all runs that have no results yet, and return the scores of all runs."""
         study = Study("cases", tuple(scenarios), tuple(estimators), tuple(seeds))
         return self.run(study, traces=traces).frame
 
     def _outcomes(self, todo: Iterable[Unit], options: Options) -> Iterator[Outcome]:
-        """Yield the outcome of each unit as soon as the unit is finished."""
+        """Yield the outcome of each unit of work as soon as the unit is finished."""
         queue, free = deque(todo), list(self._workers)
         self._compile([*queue][:UNITS], options)
         running: dict[Future[Outcome], tuple[Any, Unit, str]] = {}
@@ -230,7 +233,7 @@ class Runner:
                     yield self._after_death(worker, unit, log, error, queue)
 
     def _compile(self, todo: Sequence[Unit], options: Options) -> None:
-        """If no filter is compiled yet, compile filters on one worker while others simulate."""
+        """Compile missing filters on one worker while the other workers simulate records."""
         first, *others = self._workers
         if not (others and options.cache and isinstance(first, Worker) and is_uncompiled()):
             return
@@ -244,10 +247,11 @@ class Runner:
     def _after_death(
         self, worker: Any, unit: Unit, log: str, error: BaseException, queue: deque[Unit]
     ) -> Outcome:
-        """Queue each case of a unit separately after the worker of the unit died.
+        """Queue each run of a unit separately after the worker of the unit died.
 
-        If the unit contains a single case with a user's estimator, this case is marked as failed.
-        For a single case with a registered estimator, the result is the reason why the worker died.
+        If the unit contains a single run of a user-written estimator, the run is marked as failed.
+        If the unit contains a single run of a registered estimator, the method returns the reason
+        why the worker died.
         """
         if not isinstance(error, BrokenExecutor) and type(error).__name__ != "KilledWorker":
             raise StudyError(
@@ -268,7 +272,7 @@ class Runner:
         return []
 
     def misfits(self, scenarios: Sequence[Scenario], texts: Sequence[str]) -> dict[str, str]:
-        """Return the reasons why estimators cannot run on scenarios, keyed by scenario name."""
+        """Return the reasons why an estimator cannot run on scenarios, keyed by scenario name."""
         problems = self._problems([(each, parse(text)) for each in scenarios for text in texts])
         return {name: str(e) for name, e in problems.items() if isinstance(e, Misfit)}
 
@@ -282,7 +286,7 @@ class Runner:
 
 
 def _pairs(todo: Iterable[Unit]) -> list[Pair]:
-    """Return, for each setting of an estimator, one of its scenarios and its specification."""
+    """Return one pair of a scenario and a specification for each estimator setting."""
     pairs = {each.text: (unit.scenario, each.spec) for unit in todo for each in unit.settings}
     return list(pairs.values())
 
@@ -299,24 +303,25 @@ def _problems(pairs: Sequence[Pair], options: Options) -> dict[str, EstimatorErr
 
 
 def rerun(results: Results, runner: Runner, sample: int = 0) -> pd.DataFrame:
-    """Repeat cases of a folder with the installed version, and compare old and new scores.
+    """Repeat stored runs with the installed version, and compare the old and new scores.
 
     Parameters
     ----------
     results : Results
-        Results in the folder. The function does not change the folder.
+        Stored results. The function does not change the folder of these results.
     runner : Runner
-        Runner that does not use this folder.
+        Runner that does not use the folder of `results`.
     sample : int
-        Approximate number of cases to run, evenly spaced in the list of cases; 0 means all cases.
+        Approximate number of runs to repeat, at even intervals in the list of runs. If `sample` is
+        0, all runs are repeated.
 
     Returns
     -------
     DataFrame
         Table with the columns ``scenario, estimator, seed, parameter, score, difference``. The
         column ``score`` contains the name of the score that differs most. The column ``difference``
-        contains the relative difference of this score. The difference is infinite if only one of
-        the two values is defined.
+        contains the relative difference of this score. The difference is infinite if only the old
+        or only the new value is defined.
     """
     scores, key = [name for name in NUMBERS if "cost." not in name], ["seed", "parameter"]
     cases, lines = results.frame["case"].unique(), []
@@ -337,6 +342,6 @@ def rerun(results: Results, runner: Runner, sample: int = 0) -> pd.DataFrame:
 
 
 def check_failures(frame: pd.DataFrame) -> None:
-    """Raise an `EstimatorCrash` with the error of the first failed case, if any case failed."""
+    """Raise an `EstimatorCrash` with the error message of the first failed run, if any."""
     for error in frame["error"].dropna():
         raise EstimatorCrash(error.partition(": ")[2])

@@ -1,10 +1,11 @@
-"""Store the rows of a folder in one SQLite file, with one transaction per unit.
+"""Store the scores of a study in one SQLite file, with one transaction per unit of work.
 
-The table `cases` contains one row per case. The scores of a case are stored as the bytes of a
-float64 matrix (parameters, columns), because reading a million rows of text would take minutes.
-Other programs can read the rows from scores.csv. The table `variants` contains the properties that
-all cases of one estimator on one scenario share. The table `traces` contains the data for figures
-of single runs. The table `meta` contains the column names, the versions and the last study.
+The table `cases` contains one row per run of an estimator. The scores of a run are stored as the
+bytes of a float64 matrix (parameters, columns), because reading a million rows of text would take
+minutes. Other programs can read the scores from scores.csv. The table `variants` contains the
+properties that all runs of one estimator on one scenario share. The table `traces` contains the
+trajectories for figures of single runs. The table `meta` contains the column names, the versions
+and the last study.
 """
 
 from __future__ import annotations
@@ -57,27 +58,28 @@ DETACH other;
 
 
 def made_with() -> dict[str, str]:
-    """Return the package versions and the code digest on which the rows depend."""
+    """Return the package versions and the code digest on which the scores depend."""
     code = digest_of("models_mjcf", "sim", "estimators", "experiments.scoring")
     return versions() | {"code": code}
 
 
 class Store:
-    """Rows of a folder in an SQLite database, or rows in memory if there is no folder.
+    """Scores in an SQLite database, which is either a file in a folder or in memory.
 
     Parameters
     ----------
     folder : Path or None
-        Folder of the database; a missing folder is created. If None, the rows stay in memory.
+        Folder of the database file, which is created if necessary. If `folder` is None, the
+        database is in memory.
     overwrite : bool
-        Whether to remove existing rows.
+        Whether to remove existing scores from the folder.
 
     Raises
     ------
     StudyError
         If the database file is damaged.
     OutputError, NotRun
-        If the file cannot be written.
+        If the database file cannot be written.
     """
 
     def __init__(self, folder: Path | None = None, *, overwrite: bool = False) -> None:
@@ -100,22 +102,23 @@ class Store:
         Raises
         ------
         StudyError
-            If the folder contains no database of rows.
+            If the folder contains no database of scores.
         """
         if not (folder / ROWS).is_file():
             raise StudyError(
-                f"{folder} is not the folder of a run or a study ({ROWS} is missing). Make one "
-                "with `flexaxis run … -o FOLDER` or `flexaxis study FILE.toml -o FOLDER`"
+                f"{folder} is not the folder of a run or a study, because {ROWS} is missing. To "
+                "create a results folder, use `flexaxis run … -o FOLDER` or `flexaxis study "
+                "FILE.toml -o FOLDER`"
             )
         return cls(folder)
 
     def check(self) -> None:
-        """Check that this version of the code made the existing rows.
+        """Check that the current version of the code computed the stored scores.
 
         Raises
         ------
         StudyError
-            If another version of the code made the rows.
+            If another version of the code computed the stored scores.
         """
         old, now = self.told("made_with"), made_with()
         differ = [
@@ -123,31 +126,31 @@ class Store:
         ]
         if differ:
             raise StudyError(
-                f"other code made the rows in {self.folder} ({'; '.join(differ)}), so new rows "
-                "cannot be added. Choose another folder with -o, or remove the rows with "
-                "--overwrite"
+                f"other software versions computed the scores in {self.folder} "
+                f"({'; '.join(differ)}), so new scores cannot be added. Use -o to choose another "
+                "folder, or --overwrite to remove the old scores"
             )
 
     def told(self, key: str) -> Any:
-        """Return an entry of the table `meta`, such as ``study`` (the last study), or None."""
+        """Return the entry of the table `meta` for a key such as ``study``, or None."""
         with self._reported():
             query = "SELECT value FROM meta WHERE key = ?"
             return json.loads((self._db.execute(query, (key,)).fetchone() or ["null"])[0])
 
     def tell(self, **content: Any) -> None:
-        """Store entries in the table `meta`, and replace existing entries of the same name."""
+        """Store entries in the table `meta`, and replace existing entries with the same keys."""
         with self._reported(), self._db:
             lines = [(key, json.dumps(value, allow_nan=False)) for key, value in content.items()]
             self._db.executemany("INSERT OR REPLACE INTO meta VALUES (?, ?)", lines)
 
     def done(self, *, traced: bool = False) -> set[str]:
-        """Return the ids of all cases; if `traced`, skip successful cases without a trace."""
+        """Return the ids of all runs; if `traced`, omit successful runs without trajectories."""
         some = " WHERE error NOT NULL OR id IN (SELECT id FROM traces)" if traced else ""
         with self._reported():
             return {case for (case,) in self._db.execute(f"SELECT id FROM cases{some}")}
 
     def add(self, cases: Iterable[Done]) -> None:
-        """Add cases in one transaction, without changing existing cases."""
+        """Add new runs in one transaction, without changing existing runs."""
         with self._reported(), self._db:
             for case in cases:
                 self._db.execute("INSERT OR IGNORE INTO variants (about) VALUES (?)", (case.about,))
@@ -161,12 +164,13 @@ class Store:
                     self._db.execute("INSERT OR IGNORE INTO traces VALUES (?, ?)", line)
 
     def take(self, folder: Path) -> None:
-        """Add the cases of another folder.
+        """Add all runs from another folder.
 
         Raises
         ------
         StudyError
-            If the folder contains no rows, or if another version of the code made its rows.
+            If the other folder contains no scores, or if another version of the code computed its
+            scores.
         """
         other = Store.read(folder)
         other.check()
@@ -177,13 +181,13 @@ class Store:
             self.tell(study=other.told("study"))
 
     def variants(self) -> dict[int, dict[str, Any]]:
-        """Return the properties that all cases of a variant share, keyed by variant."""
+        """Return the properties that all runs of a variant share, keyed by variant."""
         with self._reported():
             lines = self._db.execute("SELECT id, about FROM variants")
             return {key: json.loads(text) for key, text in lines}
 
     def frame(self, chosen: Mapping[int, Mapping[str, Any]]) -> pd.DataFrame:
-        """Return the rows of some variants, one per case and parameter, sorted by seed.
+        """Return the scores of some variants, one row per run and parameter, sorted by seed.
 
         Parameters
         ----------
@@ -207,7 +211,7 @@ class Store:
         return table.assign(**truths).rename(columns={"parameters": "parameter"})
 
     def traces(self, scenario_hash: str, setting: str) -> dict[int, Case]:
-        """Return the data for figures of single runs, keyed by seed."""
+        """Return the trajectories for figures of single runs, keyed by seed."""
         query = (
             "SELECT seed, content FROM cases JOIN traces USING (id) JOIN variants v "
             "ON v.id = variant WHERE json_extract(about, '$.hash') = ? "
@@ -219,18 +223,18 @@ class Store:
 
     @contextmanager
     def _reported(self) -> Iterator[None]:
-        """Convert an SQLite error to an error of flexaxis with a one-line message."""
+        """Convert an SQLite error to a flexaxis error with a one-line message."""
         try:
             yield
         except sqlite3.OperationalError as error:
             full = "full" in str(error) or "disk I/O" in str(error)
             kind, advice = (NotRun, "Free some space") if full else (OutputError, "Check the path")
             raise kind(
-                f"{self._path}: cannot be written: {error}. {advice}, or choose another folder "
-                "with -o"
+                f"{self._path}: cannot be written: {error}. {advice}, or use -o to choose another "
+                "folder"
             ) from error
         except sqlite3.DatabaseError as error:
             raise StudyError(
-                f"{self._path} is damaged or not a file of rows: {error}. Restore the file from a "
-                "copy, or remove the file and run the same command again"
+                f"{self._path} is damaged, or is not a database of scores: {error}. Restore the "
+                "file from a copy, or remove the file and repeat the command"
             ) from error

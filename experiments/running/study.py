@@ -17,16 +17,16 @@ from flexaxis.sim.errors import ScenarioError
 from flexaxis.sim.scenario import Scenario
 
 Point = dict[str, Any]
-"""A point of a sweep: the swept values, keyed by dotted key."""
+"""Swept values at one point of a sweep, keyed by dotted names."""
 ALL = "estimator"
-"""Prefix of a swept key that sets an option of every estimator."""
+"""Prefix of swept keys that set an option of every estimator."""
 SEEDS_PER_UNIT = 16  # enough for efficient batches, but few enough to show progress
 UNITS = 16  # smallest number of units (with enough records), so that many processes have work
 
 
 @dataclass(frozen=True)
 class Study:
-    """A study, which runs every estimator on every scenario, sweep point and seed.
+    """A study that runs every estimator on every scenario, for every sweep point and seed.
 
     Attributes
     ----------
@@ -39,12 +39,12 @@ class Study:
     seeds : tuple of int
         Seeds of the records.
     axes : tuple of str
-        Keys that the study sweeps; empty without a sweep.
+        Names of the keys that the study sweeps, or an empty tuple without a sweep.
     points : tuple of dict
-        Points of the sweep; each point contains a value for every axis.
+        Points of the sweep. Each point contains a value for every swept key.
     streams : {"common", "own"}
-        "common" if all sweep points of a scenario have the same random numbers, "own" if each sweep
-        point has different random numbers.
+        "common" if all sweep points of a scenario use the same random numbers, or "own" if each
+        sweep point uses different random numbers.
 
     Raises
     ------
@@ -66,33 +66,34 @@ class Study:
             if twice := [s.name for s in self.scenarios if every.count(getattr(s, key)) > 1]:
                 raise StudyError(
                     f"{self.name}: the scenarios {' and '.join(twice)} have the same {key}, so "
-                    "their results could not be distinguished. Change or remove one of them"
+                    "their results could not be distinguished. Change or remove one of these "
+                    "scenarios"
                 )
 
     @property
     def cases(self) -> int:
-        """Largest possible number of cases."""
+        """Largest possible number of runs in the study."""
         return math.prod(map(len, (self.scenarios, self.estimators, self.seeds, self.points)))
 
     @property
     def block(self) -> int:
-        """Number of seeds in a unit, which is the same for all shards of a study."""
+        """Number of seeds in a unit of work, which is the same for all shards of a study."""
         records = len(self.scenarios) * len(self.points) * len(self.seeds)
         return min(SEEDS_PER_UNIT, max(1, records // UNITS))
 
 
 @dataclass(frozen=True)
 class Setting:
-    """An estimator with the swept options of one sweep point.
+    """An estimator with its swept options at one sweep point.
 
     Attributes
     ----------
     estimator : str
-        Text of the estimator in the definition of the study.
+        Estimator as written in the definition of the study.
     text : str
-        Text of the estimator with the swept options.
+        Estimator with the swept options, written as for the option `--estimator`.
     axes : mapping
-        Values of the swept options, keyed by option.
+        Values of the swept options, keyed by option name.
     spec : Spec
         Specification for `text`.
     """
@@ -104,30 +105,30 @@ class Setting:
 
 
 PlannedCase = tuple[str, Setting, int]
-"""Id, setting and seed of a case."""
+"""Identifier, estimator setting and seed of a run."""
 
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit of work: the cases of all estimators on one scenario for a block of seeds.
+    """A unit of work, which runs all estimators on one scenario for a block of seeds.
 
     Attributes
     ----------
     scenario : Scenario
-        Scenario with the swept values of one sweep point.
+        Scenario with the swept values at one sweep point.
     base : str
-        Name of the scenario without swept values.
+        Name of the scenario before the swept values are applied.
     axes : mapping
-        Swept values of the scenario.
+        Swept values of scenario keys.
     settings : tuple of Setting
         Settings of the estimators.
     seeds : tuple of int
         Seeds of the records.
     done : frozenset of str
-        Ids of cases to skip.
+        Identifiers of finished runs, which are skipped.
     error : str
-        Error message of a single case that is known to fail. A unit with a message is stored as
-        failed and not run.
+        Error message if the unit consists of a single run that is known to fail. This run is stored
+        as failed without being repeated.
     """
 
     scenario: Scenario
@@ -139,7 +140,7 @@ class Unit:
     error: str = ""
 
     def cases(self) -> list[PlannedCase]:
-        """Return the cases of this unit that are not done yet."""
+        """Return all unfinished runs of this unit of work."""
         every = (
             (case_id(self.scenario.hash, setting, seed), setting, seed)
             for setting, seed in product(self.settings, self.seeds)
@@ -148,13 +149,13 @@ class Unit:
 
 
 def case_id(scenario_hash: str, setting: Setting, seed: int) -> str:
-    """Return the id of a case, which is a hash of 64 bits in hexadecimal notation."""
+    """Return the identifier of a run, which is a 64-bit hash in hexadecimal notation."""
     text = f"{scenario_hash} {setting.text} {setting.spec.digest or ''} {seed} "
     return sha256(text.encode()).hexdigest()[:16]
 
 
 def applies(key: str, estimator: str) -> bool:
-    """Return whether a key such as "estimator.X" or "NAME.X" sets an option of this estimator.
+    """Return whether a key such as "estimator.X" or "NAME.X" sets an option of an estimator.
 
     Examples
     --------
@@ -165,7 +166,7 @@ def applies(key: str, estimator: str) -> bool:
 
 
 def is_option(key: str, names: Sequence[str]) -> bool:
-    """Return whether a key sets an option of an estimator rather than a key of the scenario."""
+    """Return whether a swept key sets an estimator option and not a scenario key."""
     return any(applies(key, name) for name in (ALL, *names))
 
 
@@ -175,7 +176,7 @@ def units(study: Study) -> list[Unit]:
     Raises
     ------
     StudyError
-        If a point of the sweep is invalid; the message names the point.
+        If a sweep point is invalid. The message names the sweep point.
     """
     result = []
     for base, (key, settings) in product(study.scenarios, _settings(study).items()):
@@ -190,7 +191,7 @@ def units(study: Study) -> list[Unit]:
 
 
 def _settings(study: Study) -> dict[str, tuple[Setting, ...]]:
-    """Return the estimator settings, keyed by the swept scenario values as JSON text."""
+    """Return the estimator settings, keyed by the swept scenario values in JSON format."""
     options = [key for key in study.axes if is_option(key, study.estimators)]
     result: dict[str, dict[str, Setting]] = {}
     for point in study.points:
@@ -207,7 +208,7 @@ def _settings(study: Study) -> dict[str, tuple[Setting, ...]]:
 
 @contextmanager
 def _named(study: Study, axes: Point) -> Iterator[None]:
-    """Add the name of the study and the swept values of a point to the message of an error."""
+    """Add the name of the study and the swept values to the message of an error."""
     try:
         yield
     except (ScenarioError, EstimatorError) as error:
@@ -217,7 +218,7 @@ def _named(study: Study, axes: Point) -> Iterator[None]:
 
 
 def missing(every: Sequence[Unit], done: set[str]) -> Iterator[Unit]:
-    """Yield the units that have missing cases; each case is run in one unit only."""
+    """Yield all units with unfinished runs, without repeating a run in several units."""
     planned = set(done)
     for unit in every:
         ids = {case for case, _, _ in unit.cases()}
@@ -227,7 +228,7 @@ def missing(every: Sequence[Unit], done: set[str]) -> Iterator[Unit]:
 
 
 def labels(unit: Unit, setting: Setting) -> dict[str, Any]:
-    """Return the properties that all cases of a setting on a scenario share."""
+    """Return the properties that all runs of an estimator setting on a scenario share."""
     return {
         "hash": unit.scenario.hash,
         "setting": setting.text,
@@ -240,7 +241,7 @@ def labels(unit: Unit, setting: Setting) -> dict[str, Any]:
 
 
 def describe(study: Study, every: Sequence[Unit]) -> dict[str, Any]:
-    """Return the description of a study, which is stored as JSON in the folder.
+    """Return a description of the study, which is stored as JSON in the results folder.
 
     Parameters
     ----------

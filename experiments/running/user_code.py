@@ -1,6 +1,6 @@
-"""Load user code, report errors in it, limit its run time, and run programs through a pipe.
+"""Load user code, report its errors, limit its run time, and run programs through pipes.
 
-User code runs in the process that runs the case, without a sandbox. Run only code you trust.
+User code runs without a sandbox. Run only code that you trust.
 """
 
 import errno
@@ -34,11 +34,11 @@ TIME_LIMIT = 600.0
 
 
 class EstimatorCrash(EstimatorError):
-    """Exception in an estimator; the message names the estimator, the exception and the place."""
+    """Exception in an estimator; the message contains the estimator, the exception and the line."""
 
 
 def names_code(text: str) -> bool:
-    """Return whether a text names a user's file, module or program; such a text has a colon.
+    """Return whether a text contains a colon and therefore names a user's file, module or program.
 
     Examples
     --------
@@ -49,13 +49,13 @@ def names_code(text: str) -> bool:
 
 
 def code_file(text: str) -> str:
-    """Return the file of an estimator that is written as path/file.py:Class, or an empty text."""
+    """Return the file path in a text such as path/file.py:Class, or an empty string."""
     file = text.partition("[")[0].rpartition(":")[0]
     return file if file.endswith(".py") else ""
 
 
 def load_class(text: str) -> Callable[..., Any]:
-    """Return the class that ``path/file.py:Class`` or ``package.module:Class`` names.
+    """Import and return the class ``path/file.py:Class`` or ``package.module:Class``.
 
     Raises
     ------
@@ -73,7 +73,7 @@ def load_class(text: str) -> Callable[..., Any]:
 
 @cache
 def _module_of(path: Path) -> Any:
-    """Import a file, and add its folder to the search path after the folders of all libraries."""
+    """Import a Python file, and append the folder of the file to the module search path."""
     if str(path.parent) not in sys.path:
         sys.path.append(str(path.parent))
     name = f"_flexaxis_user_{path.stem}_{abs(hash(path))}"
@@ -88,26 +88,26 @@ def _module_of(path: Path) -> Any:
 def reported(
     text: str, where: str, *, first: int = 0, period: float = 0.0, refusing: bool = False
 ) -> Iterator[None]:
-    """Convert an estimator's exception to an error that names the estimator and the sample.
+    """Convert an exception in an estimator to an error that names the estimator and the sample.
 
     Parameters
     ----------
     text : str
-        Text of the estimator, written as for the option `--estimator`.
+        Estimator, written as for the option `--estimator`.
     where : str
-        Place of the error for the message, such as "in its constructor" or "on fm_step-v1, seed
+        Location of the error for the message, such as "in its constructor" or "on fm_step-v1, seed
         1000".
     first : int
-        Index of the first sample that the estimator reads in this context.
+        Index of the first sample that the estimator processes in this context.
     period : float
         Sampling period [s].
     refusing : bool
-        Whether to pass on an `EstimatorError` unchanged.
+        Whether to raise an `EstimatorError` unchanged.
 
     Raises
     ------
     EstimatorError
-        If `step` does not return one value per name.
+        If `step` does not return one value per parameter name.
     EstimatorCrash
         If any other exception occurs, including `sys.exit` but not Ctrl-C.
     """
@@ -127,14 +127,14 @@ def reported(
 
 
 def describe(error: BaseException) -> str:
-    """Return the type, message and place of an exception in one line."""
+    """Return the type, the message and the source line of an exception as one line of text."""
     words, place = " ".join(str(error).split()), user_line(error)
     kind = type(error).__name__ + (f": {words}" if words else "")
     return f"{kind} ({place})" if place else kind
 
 
 def user_line(error: BaseException) -> str:
-    """Return the last line of user code in a traceback as ``file.py:12``, or an empty string."""
+    """Return the last location of user code in a traceback, ``file.py:12``, or an empty text."""
     frames = traceback.extract_tb(error.__traceback__)
     return next((f"{f.filename}:{f.lineno}" for f in frames[::-1] if _is_users(f.filename)), "")
 
@@ -149,7 +149,7 @@ FULL = {errno.ENOSPC, errno.EDQUOT, errno.ENOMEM}
 
 
 def is_of_the_machine(error: BaseException | None) -> bool:
-    """Return whether too little memory or disk space, or a missing package, caused an error."""
+    """Return whether an error is due to a lack of memory or disk space, or a missing package."""
     while error is not None:
         if isinstance(error, MemoryError | ModuleNotFoundError):
             return True
@@ -161,10 +161,10 @@ def is_of_the_machine(error: BaseException | None) -> bool:
 
 @contextmanager
 def ended_after(seconds: float | None, log: str) -> Iterator[None]:
-    """End this process if the code in the context takes longer than `seconds`.
+    """Terminate the current process if the code in the context runs longer than `seconds`.
 
-    Before the process ends, the tracebacks of all threads are written to the file `log`. The timer
-    runs in C and therefore also stops code that never returns to Python.
+    Before the process is terminated, the tracebacks of all threads are written to the file `log`.
+    The timer runs in C and therefore also stops code that never returns to Python.
     """
     with open(log, "w") as file:
         if seconds is not None:
@@ -176,12 +176,14 @@ def ended_after(seconds: float | None, log: str) -> Iterator[None]:
 
 
 def why_it_ended(log: str, seconds: float) -> str:
-    """Return the reason why a worker died, based on the file that `ended_after` wrote."""
+    """Return the reason why a worker process died, based on the log file from `ended_after`."""
     if not (Path(log).exists() and Path(log).read_text(errors="replace")):
-        return "its process died, because the code ended it, memory ran out, or it was killed"
+        return (
+            "its process died, because the code exited, memory was full, or the process was killed"
+        )
     return (
-        f"TimeoutError: not finished within {seconds:g} s. If the estimator needs more time, set "
-        "--time-limit (in Python time_limit=)"
+        f"TimeoutError: not finished within {seconds:g} s. If the estimator needs more time, "
+        "increase --time-limit (in Python: time_limit=)"
     )
 
 
@@ -196,13 +198,13 @@ class PipeEstimator:
     Parameters
     ----------
     command : str
-        Command line, which is run without a shell.
+        Command line of the program, which is run without a shell.
     nominal : mapping of str to float
-        Nominal values that the estimator may know.
+        Nominal parameter values that the estimator receives.
     period : float
         Sampling period [s].
     identify : sequence of str
-        Parameters that the scenario identifies; the program may estimate other parameters.
+        Parameters that the scenario identifies. The program can estimate other parameters.
     output : str
         Name of the measured signal y.
 
@@ -226,12 +228,14 @@ class PipeEstimator:
         head += np.array(identify, "S32").tobytes()
         start, p, place = struct.unpack("<16sII", self._ask(HEAD + head, 24))
         if start != HEAD:
-            raise EstimatorError(f"the program answered {start!r}; see the header in docs/pipes.md")
+            raise EstimatorError(
+                f"the program answered {start!r}; docs/pipes.md describes the correct header"
+            )
         self.names = tuple(np.frombuffer(self._ask(b"", 32 * p), "S32").astype(str).tolist())
         self.output = signals[place]
 
     def step(self, u: float, y: float | None) -> NDArray[np.float64]:
-        """Return θ[k] (p,) for u[k] and y[k]; a missing y (None) is sent as NaN."""
+        """Return the estimates θ[k] (p,) for u[k] and y[k]; a missing y (None) is sent as NaN."""
         return self.run([u], np.array([y], float))[0]
 
     def run(self, u: ArrayLike, y: ArrayLike, valid: Any = True) -> NDArray[np.float64]:
@@ -244,7 +248,7 @@ class PipeEstimator:
         return np.frombuffer(answer, "<f8").reshape(len(samples), -1)
 
     def _ask(self, content: bytes, size: int) -> bytes:
-        """Send bytes to the program and return its answer."""
+        """Send bytes to the program, and return the answer."""
         answer = b""
         with suppress(OSError):  # the program has ended
             self._process.stdin.write(content)  # type: ignore[union-attr]
@@ -252,12 +256,12 @@ class PipeEstimator:
             answer = self._process.stdout.read(size)  # type: ignore[union-attr]
         if len(answer) < size:
             raise EstimatorError(
-                f"the program ended after sending {len(answer)} of {size} bytes (docs/pipes.md)"
+                f"the program ended after sending {len(answer)} of {size} bytes (see docs/pipes.md)"
             )
         return answer
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:
-    """End a program and close its pipes."""
+    """Terminate a program, and close the pipes to the program."""
     with suppress(OSError), process:
         process.kill()

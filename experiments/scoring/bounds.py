@@ -3,7 +3,7 @@ Compute theoretical limits after a jump: the Cramér–Rao bound, the lag at the
 
 The page docs/scores.md contains the formulas and their sources. All formulas use the predictor
 gradient ψ at the true parameters, and assume white output noise with variance σ². If estimators
-read an encoder angle or its increments, the output noise is the noise of the angle.
+read an encoder angle or angle increments, the output noise is the angle noise.
 """
 
 from collections.abc import Mapping, Sequence
@@ -33,13 +33,14 @@ from flexaxis.sim.tables.faults import Step
 Array = NDArray[np.float64]
 
 LIMITS = {
-    "lag_null": "Lag of an estimator that never moves.",
+    "lag_null": "Lag of an estimator with constant estimates.",
     "lag_bound": "Lag at the Cramér–Rao bound, for an estimator that knows the time of the jump "
-    "and the state at the jump, but neither the estimated parameters nor dry friction afterwards.",
-    "lag_bound_single": "Lag at the Cramér–Rao bound, for an estimator that also knows which "
-    "parameter changed and the values of all other parameters.",
-    "lag_bound_learnt": "Lag at the Cramér–Rao bound, for an estimator that must also learn some "
-    "parameters from the data before the fault, because it does not know their exact values.",
+    "and the state at the jump. The estimator knows neither the estimated parameters nor the dry "
+    "friction after the jump.",
+    "lag_bound_single": "Lag at the Cramér–Rao bound, for an estimator that knows the time of the "
+    "jump, the state at the jump, and all parameters except the changed parameter.",
+    "lag_bound_learnt": "Lag at the Cramér–Rao bound, for an estimator that must also estimate "
+    "inexactly known parameters from the data before the fault.",
 }
 """Descriptions of the theoretical limits [s]."""
 
@@ -51,7 +52,7 @@ def cramer_rao(
     Return the lower bound C(n) (N, p, p) on the covariance of θ̂, n samples after a jump.
 
     The bound is C(n) = σ² [P_b⁻¹ + Σ_{k≤n} ψ₀ψ₀ᵀ]⁻¹ with P_b = diag((θ/2)²)/σ². The bound is valid
-    for an estimator that knows the time of the jump and the state at this time.
+    for an estimator that knows the time of the jump and the state at the jump.
 
     Parameters
     ----------
@@ -62,7 +63,7 @@ def cramer_rao(
     theta : (p,) array_like
         Parameters after the jump.
     prior : (p, p) array_like, optional
-        Information matrix before the jump, which replaces P_b⁻¹/σ².
+        Information matrix at the time of the jump, which replaces P_b⁻¹/σ².
     """
     psi = np.asarray(psi, float)
     if prior is None:
@@ -79,7 +80,7 @@ def lag_bound(deviation: ArrayLike, size: float, *, period: float) -> float:
     Parameters
     ----------
     deviation : (N,) array_like
-        Standard deviation s_n at the bound, n samples after the jump.
+        Standard deviation s_n of the estimate at the bound, n samples after the jump.
     size : float
         Size D of the jump.
     period : float
@@ -96,13 +97,12 @@ class JumpBound(NamedTuple):
     Attributes
     ----------
     unknown : ndarray (n, p)
-        Bound if all estimated parameters are unknown after the event.
+        Bound for an estimator that knows none of the estimated parameters after the event.
     single : ndarray (n, p)
-        Bound for each parameter if only this parameter has changed and all other parameters are
-        known.
+        Bound for each parameter if all other parameters are known after the event.
     learnt : ndarray (n, p)
-        Same bound as `unknown`, for an estimator that must also learn the parameters without an
-        exact known value (`true_model.untold`) from the data before the event.
+        Bound for an estimator that knows none of the estimated parameters after the event, and must
+        also estimate inexactly known parameters (`true_model.untold`) before the event.
     """
 
     unknown: Array
@@ -119,12 +119,13 @@ def jump_bound(
     Parameters
     ----------
     scenario : Scenario
-        Scenario with noise and with an axis that a model describes
+        Scenario with noise. A model must describe the axis of the scenario
         (`flexaxis.experiments.scoring.true_model.describes`).
     names : sequence of str
         Names of the parameters that are unknown after the event.
     index, stop : int
-        Sample of the event, and first sample for which no bound is computed.
+        Index of the sample at which the event occurs, and index of the first sample without a
+        bound.
     u : (N,) array_like
         Torque of a record of the scenario [N m].
     """
@@ -156,18 +157,19 @@ def bound_from(
     variance: float,
 ) -> JumpBound:
     """
-    Return the bounds after a jump, given the physical parameters and the state at the jump.
+    Return the bounds after a jump from the physical parameters and the state at the jump.
 
     Parameters
     ----------
     scenario : Scenario
-        Scenario that defines the friction and the other laws of the axis.
+        Scenario that defines the friction and other nonlinear laws of the axis.
     names : sequence of str
         Names of the parameters that are unknown after the jump.
     parameters : (q,) ndarray
         Physical parameters after the jump, in the order of `Scenario.parameter_names`.
     x : (n,) ndarray
-        State at the jump. The state may omit bristle states, because they decay in milliseconds.
+        State at the jump. The state can omit bristle states, because bristle states decay within
+        milliseconds.
     u : (N,) ndarray
         Torque after the jump [N m].
     variance : float
@@ -188,7 +190,7 @@ def _deviation(covariance: Array) -> Array:
 def _gradient(
     scenario: Scenario, names: Sequence[str], parameters: Array, x: Array, u: Array
 ) -> tuple[Array, Array]:
-    """Return the gradient ψ₀ (N, p) after an initial state, and the parameters' scales (p,)."""
+    """Return the gradient ψ₀ (N, p) for an initial state, and the parameter scales (p,)."""
     model = true_model(scenario, parameters).parametrize(names)
     theta = model_theta(scenario, names, parameters)
     state = np.zeros(model.states)
@@ -199,7 +201,7 @@ def _gradient(
 
 
 def noise_variance(scenario: Scenario) -> float:
-    """Return the noise variance of the speed, or of the angle if estimators read an encoder."""
+    """Return the variance of the speed noise, or of the angle noise for encoder signals."""
     if not reads_encoder(scenario):
         return scenario.noise.speed**2
     counts = scenario.encoder.counts
@@ -208,7 +210,7 @@ def noise_variance(scenario: Scenario) -> float:
 
 
 Limits = Mapping[str, float | None]
-"""Limits of one parameter in one case, with the keys of `LIMITS`; an undefined limit is None."""
+"""Limits for one parameter in one run, keyed as in `LIMITS`; an undefined limit is None."""
 
 
 def limits(scenario: Scenario, names: Sequence[str], torque: Array) -> dict[str, Limits]:
@@ -227,7 +229,8 @@ def limits(scenario: Scenario, names: Sequence[str], torque: Array) -> dict[str,
     Returns
     -------
     dict of str to mapping
-        Limits [s] as in `LIMITS`, keyed by parameter.
+        Theoretical limits [s] of each parameter. The limits of a parameter have the keys of
+        `LIMITS`.
     """
     unknown, result = tracked(scenario, names), dict[str, Limits]()
     for name, window in bounded(scenario, names).items():
@@ -240,17 +243,17 @@ def limits(scenario: Scenario, names: Sequence[str], torque: Array) -> dict[str,
 
 @remembered
 def record_limits(scenario: Scenario, torque: bytes) -> dict[str, Limits]:
-    """Return the limits of the parameters in `identify`; all estimators share the cached result."""
+    """Return the limits of the parameters in `identify`, from a cache that all estimators share."""
     return limits(scenario, scenario.identify, np.frombuffer(torque).copy())
 
 
 def bounded(scenario: Scenario, names: Sequence[str]) -> dict[str, Window]:
     """Return the scoring windows of the parameters for which a bound is defined, keyed by name.
 
-    A parameter has a bound if it changes once, in a step, while the excitation is on. All other
-    faults must also be steps, and all changes of parameters must be faults. A model must describe
-    the axis, even if estimators do not use this model. The scenario must have noise, because all
-    bounds are zero without noise.
+    A parameter has a bound if its value changes once, in a step, while the excitation is on. All
+    other faults must also be steps, and parameters must change only through faults. A model must
+    describe the axis, even if estimators do not use this model. The scenario must have noise,
+    because all bounds are zero without noise.
     """
     if scenario.nuisance or not describes(scenario) or not noise_variance(scenario) > 0:
         return {}
@@ -273,7 +276,7 @@ def _lag_null(scenario: Scenario, name: str, window: Window) -> float | None:
 
 
 def score(lag: float | None, limit: Limits) -> float | None:
-    """Return the score 100 ln(lag_null/lag)/ln(lag_null/lag_bound), which is 0 for a constant θ̂."""
+    """Return the score 100 ln(lag_null/lag)/ln(lag_null/lag_bound), which is 0 if θ̂ is constant."""
     null, bound = limit.get("lag_null"), limit.get("lag_bound")
     if not lag or not null or not bound or bound >= null:
         return None
@@ -286,7 +289,7 @@ def score(lag: float | None, limit: Limits) -> float | None:
 
 
 def limits_of(track: Track, i: int) -> Limits:
-    """Return the theoretical limits of the estimated parameter i.
+    """Return the theoretical limits for the estimated parameter i.
 
     The function computes the limits for the parameters in the scenario's `identify`, even if an
     estimator estimates other parameters. Therefore the limits are the same for all estimators.
@@ -298,10 +301,10 @@ def limits_of(track: Track, i: int) -> Limits:
 
 
 def limit_of(name: str, track: Track, i: int) -> float | None:
-    """Return one of the `LIMITS`, such as "lag_bound", of the estimated parameter i."""
+    """Return one of the `LIMITS`, such as "lag_bound", for the estimated parameter i."""
     return limits_of(track, i).get(name)
 
 
 def score_of(track: Track, i: int) -> float | None:
-    """Return the score of the lag, which is 0 for constant estimates and 100 at the bound."""
+    """Return the lag on a scale from 0 for constant estimates to 100 at the Cramér–Rao bound."""
     return score(lag_of(track, i), limits_of(track, i))

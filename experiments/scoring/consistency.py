@@ -1,4 +1,4 @@
-"""Compute whether the variances that an estimator reports match its actual errors."""
+"""Compare the variances that an estimator reports with the actual errors."""
 
 from typing import Any
 
@@ -14,16 +14,16 @@ MEMORY = 0.1  # longest lag of the whiteness test, two periods of the slower nom
 
 
 def nis(innovations: Array) -> float | None:
-    """Return the normalised innovation squared, which is the mean of ε²/S and is 1 if S is correct.
+    """Return the normalised innovation squared (NIS), which is the mean of ε²/S.
 
-    See Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation,
-    2001, section 5.4.2.
+    If the variances S are correct, the expected NIS is 1 (Bar-Shalom, Li and Kirubarajan,
+    Estimation with Applications to Tracking and Navigation, 2001, section 5.4.2).
 
     Parameters
     ----------
     innovations : ndarray (N, 2)
-        Innovations ε = y − ŷ, computed before the estimator uses y, and the variances S that the
-        estimator reports for them; NaN where y is missing.
+        Innovations ε = y − ŷ, computed before the estimator uses y, and the innovation variances S
+        that the estimator reports. The values are NaN where y is missing.
 
     Returns
     -------
@@ -38,27 +38,27 @@ def nis(innovations: Array) -> float | None:
 def whiteness(innovations: Array, lags: int) -> float | None:
     """Return the Ljung-Box statistic of ε/√S, divided by its degrees of freedom.
 
-    For white innovations, the mean of the result is 1. If n values contain n_l pairs of values that
-    are l samples apart, the statistic is
+    For white innovations, the mean of the statistic is 1. If n values contain n_l pairs of values
+    that are l samples apart, the statistic is
 
     Q = (n + 2)/n Σ_l n_l r_l²,  r_l = (mean of the n_l products)/(mean square).
 
-    Without gaps, Q equals n (n + 2) Σ_l ρ_l²/(n − l) of Ljung and Box, Biometrika 65, 1978,
-    297-303. The function does not subtract the mean, because innovations with a nonzero mean are
-    not white.
+    Without missing values, Q is the statistic n (n + 2) Σ_l ρ_l²/(n − l) of Ljung and Box
+    (Biometrika 65, 1978, 297-303). The function does not subtract the mean of the innovations,
+    because innovations with a nonzero mean are not white.
 
     Parameters
     ----------
     innovations : ndarray (N, 2)
-        Innovations and their variances, as for `nis`.
+        Innovations ε and reported variances S, as in the function `nis`.
     lags : int
-        Number of lags; the first lag is one sample.
+        Number of lags. The smallest lag is one sample.
 
     Returns
     -------
     float or None
-        Statistic, or None if the estimator reports no valid variance, or if there is no pair of
-        valid innovations for one of the lags.
+        Ljung–Box statistic divided by `lags`. The result is None if the estimator reports no valid
+        variance, or if a lag has no pair of valid innovations.
     """
     z = normalised(innovations)
     defined = ~np.isnan(z)
@@ -84,12 +84,12 @@ def normalised(innovations: Array) -> Array:
 def nees(error: Array, covariance: Any) -> float | None:
     """Return the normalised estimation error squared (NEES), which is θ̃ᵀ Σ⁻¹ θ̃.
 
-    If Σ is correct, the result has a χ² distribution with p degrees of freedom and mean p.
+    If Σ is correct, the NEES has a χ² distribution with p degrees of freedom and mean p.
 
     Parameters
     ----------
     error : ndarray (p,)
-        Error θ̃ of the estimates.
+        Errors θ̃ of the estimates.
     covariance : array_like (p, p) or None
         Covariance Σ that the estimator reports.
     """
@@ -109,23 +109,24 @@ def nees(error: Array, covariance: Any) -> float | None:
 
 
 def nis_of(track: Track, i: int) -> float | None:
-    """Return the mean of ε²/S over the samples before the fault, as for the score `std`."""
+    """Return the mean of ε²/S over the samples before the fault that the score `std` uses."""
     del i
     innovations = _quiet(track)
     return None if innovations is None else nis(innovations)
 
 
 def whiteness_of(track: Track, i: int) -> float | None:
-    """Return the whiteness of the innovations before the fault, as for the score `std`."""
+    """Return the whiteness of the innovations at the samples that the score `std` uses."""
     del i
     innovations, lags = _quiet(track), round(MEMORY / track.scenario.period)
     return None if innovations is None else whiteness(innovations, lags)
 
 
 def _quiet(track: Track) -> Array | None:
-    """Return the innovations before the fault, with NaN in pauses of the excitation.
+    """Return the innovations before the fault, with NaN during excitation pauses.
 
-    The result is None if the estimator reports no innovations, or if no samples precede the fault.
+    The function returns None if the estimator reports no innovations, or if there are no samples
+    before the fault.
     """
     if track.innovations is None or not track.quiet.size:
         return None
@@ -135,7 +136,7 @@ def _quiet(track: Track) -> Array | None:
 
 
 def nees_of(track: Track, i: int) -> float | None:
-    """Return θ̃ᵀ Σ⁻¹ θ̃ before the first fault, where Σ is the covariance from the estimator."""
+    """Return θ̃ᵀ Σ⁻¹ θ̃ before the first fault, where the estimator reports the covariance Σ."""
     del i
     last = claimed_at(track.scenario)
     return nees(track.theta[last] - track.truth[last], track.claimed)

@@ -1,4 +1,4 @@
-"""Provide trajectories of estimates for figures of single runs and of all runs of an estimator.
+"""Provide trajectories of the estimates for figures.
 
 A trajectory contains every tenth sample of a run. Around the first fault, a trajectory contains
 every sample, because estimates change fast after a fault.
@@ -22,7 +22,7 @@ BEFORE, AFTER = 0.1, 1.0  # time before and after a fault in which every sample 
 
 
 def near_fault(scenario: Scenario) -> slice:
-    """Return the range of samples around the first scored fault, or an empty range."""
+    """Return the range of samples around the first scored fault, which is empty without a fault."""
     first = next(iter(windows(scenario, scenario.identify)), None)
     if first is None:
         return slice(0, 0)
@@ -31,19 +31,19 @@ def near_fault(scenario: Scenario) -> slice:
 
 
 def after(scenario: Scenario) -> int:
-    """Return the number of consecutive samples that a trajectory contains from the fault on."""
+    """Return the number of consecutive samples that a trajectory contains after a fault."""
     return round(AFTER / scenario.period) + 1
 
 
 def later(drawn: Scenario, written: Scenario) -> int:
-    """Return the number of samples by which a run's first fault is later than in the scenario."""
+    """Return the delay [samples] of the first fault in a run due to the random onset."""
     if not (drawn.events() and written.events()):
         return 0
     return drawn.events()[0].index - written.events()[0].index
 
 
 def shifted(values: Array, late: int) -> Array:
-    """Shift values (N, …) to an earlier time by `late` samples, and repeat the end values.
+    """Shift values (N, …) to an earlier time by `late` samples, and repeat the first or last value.
 
     Examples
     --------
@@ -58,8 +58,8 @@ def shifted(values: Array, late: int) -> Array:
 def estimates(traces: Mapping[int, Any], scenario: Scenario, parameter: str) -> pd.DataFrame:
     """Return estimates divided by nominal, with one row per time [s] and one column per seed.
 
-    The table contains every sample around the first fault. Elsewhere, the table contains one of
-    every `CURVE_STEP` samples.
+    The table contains every sample around the first fault. At other times, the table contains every
+    `CURVE_STEP`-th sample.
     """
     times = np.r_[scenario.times[::CURVE_STEP], scenario.times[near_fault(scenario)]]
     runs = {seed: np.r_[trace.curve, trace.near][:, trace.names.index(parameter)]

@@ -1,4 +1,4 @@
-"""Score the detection of faults: alarms, delays, and whether alarms name the right parameters."""
+"""Score the detection of faults by alarms, delays and the parameters that alarms name."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -20,7 +20,7 @@ ALARMS = {
 def detection(
     scenario: Scenario, names: Sequence[str], findings: Sequence[Any] | None
 ) -> dict[str, Any] | None:
-    """Score the changes that an estimator reports; return None if it has no `findings`.
+    """Score the changes that an estimator reports; return None if `findings` is None.
 
     Parameters
     ----------
@@ -36,12 +36,12 @@ def detection(
     -------
     dict or None
         ``alarms`` is the number of findings. ``false_alarms`` is the number of findings outside the
-        windows of all faults. ``calm`` is the time outside these windows [s], and
-        ``false_alarms_per_1000_s`` is the rate of false alarms in this time. ``delay`` is the mean
-        time from a detected fault to the first finding in its window [s]. ``faults`` is the number
-        of faults, and ``missed`` is the number of faults without a finding in their window.
-        ``isolated`` is the share of detected faults for which the first finding names exactly the
-        parameters that changed.
+        windows of all faults. ``calm`` is the time outside the windows of all faults [s], and
+        ``false_alarms_per_1000_s`` is the rate of false alarms during this time. ``delay`` is the
+        mean time from a detected fault to the first finding in the window of the fault [s].
+        ``faults`` is the number of faults. ``missed`` is the number of faults without a finding in
+        the window of the fault. ``isolated`` is the fraction of detected faults for which the first
+        finding names exactly the parameters that changed.
     """
     if findings is None:
         return None
@@ -73,7 +73,7 @@ def detection(
 def _firsts(
     scenario: Scenario, names: Sequence[str], findings: Sequence[Any]
 ) -> list[tuple[Window, Any]]:
-    """Return pairs of a window and the first finding in this window, or None without a finding."""
+    """Return all pairs of a window and the first finding in the window (None without a finding)."""
     return [(w, next((f for f in findings if w.start <= f.alarm < w.stop), None))
             for w in windows(scenario, names)]  # fmt: skip
 
@@ -86,15 +86,15 @@ def isolation(
     Parameters
     ----------
     scenario, names, findings
-        Same as for `detection`.
+        The arguments of the function `detection`.
 
     Returns
     -------
     list of dict, or None
         One dict per fault. ``fault`` is the parameter that changed. ``named`` is the list of
-        physical parameters that the first finding in the window names. The list is empty if no
-        parameter explains the finding. ``named`` is None if the estimator misses the fault. The
-        result is None if the estimator has no `findings`.
+        physical parameters that the first finding in the window names. The list is empty if the
+        finding names no parameter. ``named`` is None if the estimator misses the fault. The
+        function returns None if `findings` is None.
     """
     if findings is None:
         return None
@@ -111,12 +111,12 @@ def isolation(
 
 
 def detection_of(track: Track, i: int) -> dict[str, Any] | None:
-    """Return the detection scores, which are the same for all parameters of a case."""
+    """Return the detection scores, which are the same for all parameters of a run."""
     del i
     return detection(track.scenario, track.names, track.findings)
 
 
 def isolation_of(track: Track, i: int) -> list[dict[str, Any]] | None:
-    """Return the parameters that the estimator names for each fault, which do not depend on i."""
+    """Return the parameters that an estimator names for each fault, independently of i."""
     del i
     return isolation(track.scenario, track.names, track.findings)

@@ -1,10 +1,10 @@
-"""Compute confidence intervals over seeds, and test differences between paired runs.
+"""Compute confidence intervals from runs with several seeds, and test paired differences.
 
 All intervals have a confidence level of 95 %. With fewer than five seeds, an interval is None,
-because the spread cannot be estimated well enough. Only runs with different seeds are independent.
-Runs with the same seed at several points of a sweep have the same noise, so `by_seed` combines
-these runs before an interval is computed. The tests in `tests/experiments/test_intervals.py`
-measure the coverage of the intervals.
+because the variance cannot be estimated well enough. Only runs with different seeds are
+independent. Runs with the same seed at several points of a sweep have the same noise, so `by_seed`
+combines these runs before an interval is computed. The test file
+`tests/experiments/test_intervals.py` measures the coverage of the intervals.
 """
 
 from collections.abc import Callable
@@ -24,11 +24,11 @@ LEAST = 5  # smallest number of values for an interval
 NEVER = 1e12  # number that represents infinity
 MISS = 0.05  # probability that an interval does not contain the true value
 FLOOR = 1e-6
-"""Lower limit of values before a logarithm is computed [s or %], because a std can be 0."""
+"""Lower limit of scores before a logarithm is computed [s or %], because a score can be 0."""
 
 
 def t_interval(values: ArrayLike) -> Interval | None:
-    """Return Student's t interval for the mean of values (n,)."""
+    """Return Student's t confidence interval for the mean of values (n,)."""
     x = np.asarray(values, float)
     if len(x) < LEAST or not np.isfinite(x).all():
         return None
@@ -37,11 +37,12 @@ def t_interval(values: ArrayLike) -> Interval | None:
 
 
 def mean_interval(values: ArrayLike) -> Interval | None:
-    """Return an interval for the mean of values (n,) from a possibly skewed distribution.
+    """Return a confidence interval for the mean of values (n,) from a possibly skewed distribution.
 
-    Hall's transformation of Student's t corrects for skewness (P. Hall, J. R. Statist. Soc. B 54,
-    1992, 221–228). Squared errors are skewed. Without the correction, a t interval would miss their
-    mean mostly on one side.
+    Hall's transformation of Student's t corrects for skewness (Hall, Journal of the Royal
+    Statistical Society B 54, 1992, 221–228). The correction is necessary because the distribution
+    of squared errors is skewed. Without the correction, the true mean would lie above a t interval
+    more often than below.
     """
     x = np.asarray(values, float)
     within = t_interval(x)
@@ -55,21 +56,21 @@ def mean_interval(values: ArrayLike) -> Interval | None:
 def by_seed(values: ArrayLike, seeds: Labels, points: Labels) -> Array:
     """Combine the values of each seed into one value (m,) to compute a standard error of the mean.
 
-    The mean of the result is the mean x̄ of the n values. The scatter of the result gives the
-    standard error of this mean. If the runs of a seed deviate by d_i from the means of their sweep
-    points, the result for this seed is x̄ + m/n Σ d_i (the variance of clusters, W. G. Cochran,
-    *Sampling Techniques*, 3rd ed., chapters 5 and 9). Differences between points are not random and
-    do not increase the scatter. If all points have the same seeds, the result for a seed is the
-    mean of its values at all points. If any point has a single run, the function treats differences
-    between points as random.
+    The m combined values have the same mean x̄ as the n values. The scatter of the combined values
+    determines the standard error of x̄. If the runs of a seed deviate by d_i from the means at
+    their sweep points, the combined value for this seed is x̄ + m/n Σ d_i (Cochran, *Sampling
+    Techniques*, third edition, chapters 5 and 9). Differences between sweep points are not random,
+    and therefore do not increase the scatter. If all sweep points have the same seeds, the combined
+    value for a seed is the mean of its values at all sweep points. If any sweep point has a single
+    run, the function treats differences between sweep points as random.
 
     Parameters
     ----------
     values : (n,) array_like
         Value of each run.
     seeds, points : (n,) array_like or None
-        Seed of each run, and index of the sweep point of the run. If `seeds` is None, each value
-        has a different seed. If `points` is None, all values belong to one point.
+        Seed and sweep point of each run. If `seeds` is None, each run has a different seed. If
+        `points` is None, all runs belong to the same sweep point.
     """
     x = np.asarray(values, float)
     seed, point, runs = _labels(seeds, points, len(x))
@@ -82,9 +83,9 @@ def by_seed(values: ArrayLike, seeds: Labels, points: Labels) -> Array:
 
 
 def _labels(seeds: Labels, points: Labels, n: int) -> tuple[Index, Index, Index]:
-    """Return the index of each run's seed (n,) and point (n,), and the number of runs per point.
+    """Return the seed and the sweep point of each run (n,), and the number of runs per point.
 
-    If any point has a single run, all runs are pooled into one point.
+    If any sweep point has a single run, the function assigns all runs to one point.
     """
     seed = np.unique(np.arange(n) if seeds is None else seeds, return_inverse=True)[1]
     point = np.unique(np.zeros(n) if points is None else points, return_inverse=True)[1]
@@ -97,18 +98,18 @@ def _labels(seeds: Labels, points: Labels, n: int) -> tuple[Index, Index, Index]
 def median_interval(
     values: ArrayLike, seeds: Labels = None, points: Labels = None
 ) -> list[float | None] | None:
-    """Return an interval for the median from order statistics; an infinite end is None.
+    """Return a confidence interval for the median from order statistics; an infinite end is None.
 
-    The ranks of the ends are (m + 1)/2 ± 1.96 √m/2 in the normal approximation. The ends are
-    interpolated linearly between neighbouring values (J. Nyblom, Comput. Stat. Data Anal. 13, 1992,
-    33–42). If a seed has several runs, m is the effective sample size, that is, the number of
-    independent values that would give the share below the median the same uncertainty (L. Kish,
-    *Survey Sampling*, 1965, section 8.2).
+    In the normal approximation, the ends of the interval have the ranks (m + 1)/2 ± 1.96 √m/2. The
+    ends are interpolated linearly between neighbouring values (Nyblom, Computational Statistics and
+    Data Analysis 13, 1992, 33–42). If a seed has several runs, m is the effective sample size
+    (Kish, *Survey Sampling*, 1965, section 8.2). For m independent values, the fraction of values
+    below the median would have the same uncertainty.
 
     Parameters
     ----------
     values, seeds, points
-        Same as for `by_seed`.
+        Values, seeds and sweep points of the runs, as in the function `by_seed`.
     """
     x = np.minimum(np.asarray(values, float), NEVER)
     n = len(x)
@@ -125,12 +126,12 @@ def median_interval(
 
 
 def rate_interval(counts: ArrayLike, exposure: float, seeds: ArrayLike) -> Interval:
-    """Return an interval for the rate of events per unit of exposure.
+    """Return a confidence interval for the rate of events per unit of exposure.
 
-    The interval is exact for a Poisson process (F. Garwood, Biometrika 28, 1936, 437–442). If no
-    event occurred, the upper end is the one-sided limit, which is 3.0 divided by the exposure. If
-    events occur in clusters, the interval becomes wider. The increase depends on the variance of
-    the counts per seed, divided by the mean of these counts.
+    The interval is exact for a Poisson process (Garwood, Biometrika 28, 1936, 437–442). If no event
+    occurred, the upper end is the one-sided limit, which is 3.0 divided by the exposure. The
+    interval is wider if events occur in clusters. The width then depends on the ratio of the
+    variance to the mean of the counts per seed.
 
     Parameters
     ----------
@@ -154,21 +155,22 @@ def rate_interval(counts: ArrayLike, exposure: float, seeds: ArrayLike) -> Inter
 def spread_interval(
     std: ArrayLike, bias: ArrayLike, seeds: Labels = None, points: Labels = None
 ) -> Interval | None:
-    """Return an interval for the standard deviation over time and runs (`pooling.spread`).
+    """Return an interval for the standard deviation over time and runs (see `pooling.spread`).
 
-    The variance is the sum of three variances: within the runs, between the runs of a point, and
-    between points. The interval for the first variance is Cox's interval for the mean of lognormal
-    values. The interval for the second is the χ² interval of a normal variance, with the degrees of
-    freedom from `_freedom`. The interval for the third is Student's t interval. The method of
-    variance estimates recovery combines the three intervals (G. Y. Zou and A. Donner, Stat. Methods
-    Med. Res. 17, 2008, 1–10).
+    The total variance is the sum of three variances: within the runs, between the runs at a sweep
+    point, and between sweep points. The interval for the variance within the runs is Cox's interval
+    for the mean of lognormal values. The interval for the variance between the runs is the χ²
+    interval of a normal variance, with the degrees of freedom from `_freedom`. The interval for the
+    variance between sweep points is Student's t interval. The method of variance estimates recovery
+    combines the three intervals (Zou and Donner, Statistical Methods in Medical Research 17, 2008,
+    1–10).
 
     Parameters
     ----------
     std, bias : (n,) array_like
         Root mean square and mean of the error in each run.
     seeds, points : (n,) array_like, optional
-        Same as for `by_seed`.
+        Seeds and sweep points of the runs, as in the function `by_seed`.
     """
     rms, mean = np.asarray(std, float), np.asarray(bias, float)
     seed, point, runs = _labels(seeds, points, len(rms))
@@ -191,12 +193,13 @@ def spread_interval(
 
 
 def _freedom(apart: Array, seed: Index, point: Index) -> float:
-    """Return the degrees of freedom of the mean squared deviation of runs from their points' means.
+    """Return the degrees of freedom of the variance between the runs at each sweep point.
 
-    Satterthwaite's formula is (m − 1)(tr C)²/tr C², where C is the covariance between the points,
-    estimated from m seeds. The result is m − 1 if all points have the same noise. The result is
-    m − 1 times the number of points if the noise of the points is independent. The function
-    subtracts the bias of tr C² due to the finite number of seeds.
+    Satterthwaite's formula is (m − 1)(tr C)²/tr C², where C is the covariance between the sweep
+    points, estimated from m seeds. The formula gives m − 1 degrees of freedom if the noise is the
+    same at all sweep points. If the noise is independent at all sweep points, the formula gives m −
+    1 times the number of points. The function subtracts the bias of tr C² due to the finite number
+    of seeds.
     """
     table = np.zeros((seed.max() + 1, point.max() + 1))
     table[seed, point] = apart
@@ -209,7 +212,7 @@ def _freedom(apart: Array, seed: Index, point: Index) -> float:
 
 
 def _cox(values: Array) -> Any:
-    """Return Cox's interval for the mean of lognormal values (n,)."""
+    """Return Cox's confidence interval for the mean of lognormal values (n,)."""
     if values.min() <= FLOOR * values.mean():  # the values of a constant run are not lognormal
         return mean_interval(values)
     logs, n = np.log(values), len(values)
@@ -221,15 +224,15 @@ def _cox(values: Array) -> Any:
 def pseudo_values(statistic: Callable[[Any], float], n: int) -> Array:
     """Return the jackknife pseudo-values (n,) of a statistic of n runs.
 
-    The mean of the pseudo-values is the statistic, corrected for bias. The scatter of the
-    pseudo-values gives the standard error of the statistic, even if the statistic combines several
-    quantities of the same runs. The pseudo-values of two statistics of the same runs are paired (J.
-    W. Tukey, Ann. Math. Statist. 29, 1958, 614).
+    The mean of the pseudo-values is the bias-corrected statistic. The scatter of the pseudo-values
+    determines the standard error of the statistic, even if the statistic combines several
+    quantities of the same runs (Tukey, Annals of Mathematical Statistics 29, 1958, 614). The
+    pseudo-values of two statistics of the same runs are paired.
 
     Parameters
     ----------
     statistic : callable
-        Function that takes the indices of some runs and returns the statistic of these runs.
+        Function that receives the indices of some runs and returns the statistic of these runs.
     n : int
         Number of runs. For a single run, the pseudo-value is the statistic itself.
     """
@@ -252,9 +255,9 @@ def _t(n: int) -> float:
 def sign_p(more: int, less: int) -> float:
     """Return the one-sided p-value of McNemar's exact test for two paired estimators.
 
-    The result is the probability of at least `more` heads in more + less tosses of a fair coin.
-    Runs with the same outcome for both estimators do not count. If neither estimator is better,
-    each of them loses a remaining run with probability ½.
+    The p-value is the probability of at least `more` heads in more + less tosses of a fair coin.
+    The test ignores runs that neither or both of the estimators lose. If the estimators are equally
+    good, each of them loses half of the remaining runs on average.
 
     Examples
     --------
@@ -267,14 +270,14 @@ def sign_p(more: int, less: int) -> float:
 def holm_levels(p: ArrayLike, alpha: float) -> Array:
     """Return the significance level of each test by Holm's step-down procedure.
 
-    The procedure rejects a hypothesis if the p-value is at most the level of the test. In exactly
-    these cases, an interval at this level excludes zero. The probability of any wrong rejection is
-    at most `alpha`, even if the tests are dependent.
+    The procedure rejects a hypothesis if the p-value is at most the level of the test. A confidence
+    interval at this level excludes zero if and only if the hypothesis is rejected. The probability
+    of any wrong rejection is at most `alpha`, even if the tests are dependent.
 
     Parameters
     ----------
     p : array_like (m,)
-        p-values of the tests. A test whose p-value is NaN does not count and has the level `alpha`.
+        p-values of the tests. A test with the p-value NaN does not count, and its level is `alpha`.
     alpha : float
         Family-wise error rate.
 
@@ -282,7 +285,7 @@ def holm_levels(p: ArrayLike, alpha: float) -> Array:
     -------
     ndarray (m,)
         Level of each test: alpha/m for the smallest p-value, alpha/(m − 1) for the next p-value,
-        and so on. After the first hypothesis that is not rejected, the level does not change.
+        and so on. After the first hypothesis that is not rejected, the level remains constant.
 
     Examples
     --------
@@ -300,12 +303,12 @@ def holm_levels(p: ArrayLike, alpha: float) -> Array:
 
 
 def difference(first: ArrayLike, second: ArrayLike) -> tuple[int, float, float]:
-    """Return number and mean of the differences first − second, and the p-value of a paired t test.
+    """Return the number and mean of the paired differences, and the p-value of a paired t test.
 
     Parameters
     ----------
     first, second : array_like (n,) of float or None
-        Values of a score for the same seeds. Undefined values are None or NaN.
+        Values of a score of two estimators for the same seeds. Undefined values are None or NaN.
     """
     d = np.array(first, float) - np.array(second, float)
     d = d[~np.isnan(d)]

@@ -20,7 +20,7 @@ from flexaxis.sim.tables.excitation import Standstill
 
 Array = NDArray[np.float64]
 Torque = Callable[[Scenario], Array]
-"""Function that returns the torque (N,) [N m] of the first run of a scenario."""
+"""Function that returns the torque (N,) [N m] of a scenario for the seed 0."""
 
 
 def _simulated(scenario: Scenario) -> Array:
@@ -32,7 +32,7 @@ _RUN: ContextVar[Torque] = ContextVar("run", default=_simulated)
 
 @contextmanager
 def nominal_runs(torque: Torque) -> Iterator[None]:
-    """Replace the simulation of nominal runs within a context, for example by cached records."""
+    """Replace the simulation of nominal runs within a context, for example by a record cache."""
     before = _RUN.set(torque)
     try:
         yield
@@ -42,7 +42,7 @@ def nominal_runs(torque: Torque) -> Iterator[None]:
 
 @remembered
 def nominal_torque(scenario: Scenario) -> Array:
-    """Return the torque (8000,) [N m] during 40 s of reference motion, with nominal parameters."""
+    """Return the torque (8000,) [N m] of the nominal axis during 40 s of reference motion."""
     nominal = scenario.override(
         {
             "name": "nominal",
@@ -63,11 +63,11 @@ def nominal_torque(scenario: Scenario) -> Array:
 @remembered
 def design_torque(scenario: Scenario) -> Array:
     """
-    Return the torque (8000,) [N m] during 40 s of reference motion, with design values.
+    Return the torque (8000,) [N m] of the axis with design values during 40 s of motion.
 
     The design values are the nominal values that an estimator receives. The simulation contains no
     nonlinear effects, because estimators do not know these effects. If the axis does not move in
-    the scenario, the reference is the default multisine.
+    the scenario, the reference motion is the default multisine.
     """
     told = started_nominal(scenario.override({"start": 1.0}))
     linear: dict[str, Any] = {key: None for key in scenario.nonlinear}

@@ -13,7 +13,7 @@ from flexaxis.sim.scenario import Scenario
 
 
 def physical(name: str) -> tuple[str, int]:
-    """Return the physical parameter and the exponent of an estimated name: J_a, −1 for "1/J_a"."""
+    """Return the physical parameter and the exponent, such as J_a and −1 for the name "1/J_a"."""
     return (name[2:], -1) if name.startswith("1/") else (name, 1)
 
 
@@ -22,10 +22,10 @@ def true_theta(
     parameters: NDArray[np.float64],
     columns: Sequence[str] = PARAMETER_NAMES,
 ) -> NDArray[np.float64]:
-    """Return the true values (…, p) of estimated parameters from physical parameters (…, P).
+    """Return the true values (…, p) of estimated parameters, given physical parameters (…, P).
 
-    The argument `columns` lists the names of the physical parameters. By default, these are the
-    parameters of the paper's axis.
+    The argument `columns` lists the names of the physical parameters. By default, `columns`
+    contains the parameters of the axis in the paper.
     """
     powers = [physical(name) for name in names]
     return np.stack([parameters[..., columns.index(p)] ** float(e) for p, e in powers], axis=-1)
@@ -42,17 +42,18 @@ def theta_over_time(scenario: Scenario, names: Sequence[str]) -> NDArray[np.floa
 
 
 def known_names(scenario: Scenario, names: Sequence[str]) -> tuple[str, ...]:
-    """Return the estimated parameters whose initial value is not zero and can scale errors."""
+    """Return the estimated parameters with a nonzero initial value, which can normalise errors."""
     return tuple(name for name in names if scenario.initial.get(physical(name)[0]))
 
 
 def started_nominal(scenario: Scenario) -> dict[str, float]:
     """Return the nominal values that an estimator receives.
 
-    The nominal values are the true initial values, times the factor `start` for identified
-    parameters and times the factors in `known` for other parameters. The result also contains
-    data-sheet values. Estimators do not know which friction laws act. Therefore the result contains
-    a parameter of a law only if `known` contains this parameter.
+    For identified parameters, a nominal value is the true initial value times the factor `start`.
+    For other parameters, a nominal value is the true initial value times a factor from `known`, if
+    this factor is given. The nominal values also include data-sheet values. Estimators do not know
+    which nonlinear laws act on the axis. Therefore the parameters of a nonlinear law are included
+    only if `known` contains them.
     """
     values = scenario.nominal.as_dict()
     for parameter, factor in scenario.known_factors.items():
@@ -67,7 +68,7 @@ def started_nominal(scenario: Scenario) -> dict[str, float]:
 def started_theta(scenario: Scenario, names: Sequence[str]) -> NDArray[np.float64]:
     """Return the initial estimates θ(0) (p,) of an estimator that starts at its nominal values.
 
-    A law parameter without a nominal value starts at its true value.
+    The initial estimate of a nonlinear-law parameter without a nominal value is the true value.
     """
     told = scenario.laws | started_nominal(scenario)
     columns = scenario.parameter_names
@@ -83,17 +84,17 @@ def has_model(scenario: Scenario) -> bool:
 
 
 def check_model(scenario: Scenario) -> None:
-    """Raise a ScenarioError if the estimators have no model of the plant."""
+    """Raise a ScenarioError if no model for estimators describes the plant."""
     if not has_model(scenario):
         raise ScenarioError(
             f"{scenario.name}: estimators have no model {scenario.model} with the parameters "
-            f"{', '.join(scenario.nominal)}. Estimates and bounds need such a model. "
-            "Add the model to estimators/models/axes.py (see docs/extending.md). `flexaxis "
-            "simulate` works without it"
+            f"{', '.join(scenario.nominal)}. Estimates and bounds need a model with these "
+            "parameters. Add a model to estimators/models/axes.py (see docs/extending.md). The "
+            "command `flexaxis simulate` needs no model"
         )
 
 
 def axis_model(scenario: Scenario, values: Mapping[str, float]) -> Model:
-    """Return the estimators' linear model of a plant; raise an error if there is no such model."""
+    """Return the linear model that estimators use for a plant; raise an error without a model."""
     check_model(scenario)
     return MODELS[scenario.model].factory(values)

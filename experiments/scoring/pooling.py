@@ -1,11 +1,12 @@
-"""Pool a score over many seeds into one number with an interval.
+"""Pool a score from many seeds into one number with a confidence interval.
 
-There is one function for each kind of score. A function takes the columns for one parameter of one
-estimator on one scenario, and the name of a score. The function returns entries of the pooled row.
-A column is an array with one number per run, in the order of the seeds. NaN means undefined, 1
-means true, and 0 means false. The columns include ``seed`` and ``point``, because only runs with
-different seeds are independent (`flexaxis.experiments.scoring.intervals`). Consistency scores
-exclude diverged runs, which report no covariance. All other scores include diverged runs.
+There is one pooling function for each kind of score. A pooling function receives the columns for
+one parameter of one estimator on one scenario, and the name of a score. A pooling function returns
+a dict with the pooled score and, if available, a confidence interval. A column is an array with one
+number per run, in the order of the seeds. NaN means undefined, 1 means true, and 0 means false. The
+columns include ``seed`` and ``point`` (the sweep point), because only runs with different seeds are
+independent (`flexaxis.experiments.scoring.intervals`). Consistency scores exclude diverged runs,
+for which no covariance is reported. All other scores include diverged runs.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -32,13 +33,13 @@ Pool = Callable[[Columns, str], Pooled]
 
 
 def values(columns: Columns, name: str) -> Array:
-    """Return all values of a score except NaN."""
+    """Return the values of a score in all runs in which the score is defined."""
     x = columns[name]
     return x[~np.isnan(x)]
 
 
 def by(statistic: Callable[[Array], float]) -> Pool:
-    """Return a function that pools a score with a statistic of its values, as in ``by(np.max)``."""
+    """Return a pooling function that applies a statistic to all values, such as ``by(np.max)``."""
 
     def pooled(columns: Columns, name: str) -> Pooled:
         x = values(columns, name)
@@ -48,19 +49,19 @@ def by(statistic: Callable[[Array], float]) -> Pool:
 
 
 def _drawn(columns: Columns, where: NDArray[np.bool_]) -> tuple[Array, Array]:
-    """Return the seeds and points of the selected runs."""
+    """Return the seeds and sweep points of the selected runs."""
     return columns["seed"][where], columns["point"][where]
 
 
 def _through(of: Callable[[Array], Array], back: Callable[[Any], Any], within: Any) -> Pool:
-    """Return a function that pools a score with the mean of transformed values.
+    """Return a pooling function that computes the mean of transformed values.
 
     Parameters
     ----------
     of, back : callable
-        Transformation of the values, and its inverse for the mean and its interval.
+        Transformation of the values, and inverse transformation of the mean and of its interval.
     within : callable
-        Function that computes the interval of the mean, such as `mean_interval`.
+        Function that computes a confidence interval for the mean, such as `mean_interval`.
     """
 
     def pooled(columns: Columns, name: str) -> Pooled:
@@ -75,17 +76,17 @@ def _through(of: Callable[[Array], Array], back: Callable[[Any], Any], within: A
 
 
 geometric = _through(lambda x: np.log(np.maximum(x, FLOOR)), np.exp, t_interval)
-"""Pool a score with the geometric mean, because comparisons of estimators use ratios."""
+"""Pool a score by its geometric mean, because comparisons of estimators use ratios."""
 
 mean = _through(np.asarray, np.asarray, mean_interval)
-"""Pool a score with the mean."""
+"""Pool a score by its arithmetic mean."""
 
 root_mean_square = _through(np.square, lambda x: np.sqrt(max(0.0, x)), mean_interval)
-"""Pool a score with the root of the mean square."""
+"""Pool a score by its root mean square."""
 
 
 def median(columns: Columns, name: str) -> Pooled:
-    """Pool a time with the median; the time of a run that never settles is infinite."""
+    """Pool a settling time by its median; the time of a run that never settles is infinite."""
     could = (columns["changed"] > 0) & ~np.isnan(columns["never_settled"])
     if not could.any():
         return {name: None, f"{name}_interval": None}
@@ -106,14 +107,14 @@ def count_kept(columns: Columns, name: str) -> Pooled:
 
 
 def deviation(bias: str, lost: str) -> Pool:
-    """Return a function that pools a standard deviation.
+    """Return a pooling function for a standard deviation.
 
     Parameters
     ----------
     bias : str
-        Name of the score that is the mean of the error over the same samples.
+        Name of the score that contains the mean error over the evaluated samples.
     lost : str
-        Name of the score that is true if the run diverged before the end of these samples.
+        Name of the score that is true if the run diverged before the last evaluated sample.
     """
 
     def pooled(columns: Columns, name: str) -> Pooled:
@@ -130,7 +131,7 @@ def deviation(bias: str, lost: str) -> Pool:
 
 
 def parts(names: Iterable[str]) -> Pool:
-    """Return a function that pools a score with several parts; each part has its own mean."""
+    """Return a pooling function that computes the mean of each part of a score."""
 
     def pooled(columns: Columns, name: str) -> Pooled:
         each = {part: values(columns, f"{name}.{part}") for part in names}
@@ -141,11 +142,12 @@ def parts(names: Iterable[str]) -> Pool:
 
 
 def detections(names: Sequence[str]) -> Pool:
-    """Return a function that pools the detection scores; most parts are pooled with their mean.
+    """Return a pooling function for the detection scores, most of which are averaged.
 
-    ``missed`` is the share of faults without a finding. All faults of a failed run count as missed.
-    ``calm`` is the total time outside the windows of faults [s], in which every alarm is false.
-    ``false_alarms_interval`` is the interval for the number of false alarms per 1000 s.
+    ``missed`` is the fraction of faults without a finding. All faults in a failed run count as
+    missed. ``calm`` is the total time outside the windows of all faults [s], during which every
+    alarm is false. ``false_alarms_interval`` is the confidence interval for the number of false
+    alarms per 1000 s.
     """
 
     def pooled(columns: Columns, name: str) -> Pooled:
@@ -167,19 +169,19 @@ def detections(names: Sequence[str]) -> Pool:
 
 
 def spread(std: ArrayLike, bias: ArrayLike, lost: Any = False) -> float:
-    """Return the standard deviation over time and seeds around the common mean.
+    """Return the standard deviation over time and seeds around the mean of all runs.
 
-    The formula √(mean std² − (mean bias)²) subtracts the common mean of all runs. Subtracting the
-    mean of each run instead would remove variations that are slower than the window, and so favour
-    slow estimators. The estimates of a diverged run count as constant at a limit. Subtracting their
-    mean would remove their whole error, so the mean of diverged runs is not subtracted.
+    The formula √(mean std² − (mean bias)²) subtracts the mean of all runs. If the mean of each run
+    were subtracted, slow variations of the estimates would disappear, which would favour slow
+    estimators. The estimates of a diverged run count as constant at a limit, so subtracting a mean
+    would remove the whole error. Therefore no mean is subtracted from diverged runs.
 
     Parameters
     ----------
     std, bias : (n,) array_like
         Root mean square and mean of the error in each run.
     lost : (n,) array_like of bool, optional
-        True for each run that diverged before the end of the evaluated samples.
+        True for each run that diverged before the last evaluated sample.
     """
     square, whole = np.mean(np.square(std)), ~np.broadcast_to(lost, np.shape(std))
     constant = whole.mean() * np.mean(np.asarray(bias)[whole]) ** 2 if whole.any() else 0.0
@@ -189,18 +191,18 @@ def spread(std: ArrayLike, bias: ArrayLike, lost: Any = False) -> float:
 
 
 def excess(each: Array, lost: NDArray[np.bool_], biases: Array, information: Array) -> float:
-    """Return the mean excess error without the part that is due to the common bias of the runs.
+    """Return the mean excess error minus the contribution of the mean bias of all runs.
 
     Parameters
     ----------
     each : ndarray (n,)
         Excess error of each run.
     lost : ndarray (n,) of bool
-        True for each run that diverged. The common bias is not subtracted from these runs.
+        True for each run that diverged. The mean bias is not subtracted from diverged runs.
     biases : ndarray (n, p)
         Bias of each parameter in each run [% of nominal].
     information : ndarray (p, p)
-        Matrix M from `flexaxis.experiments.scoring.excess.information`.
+        Matrix M of the excess error, from `flexaxis.experiments.scoring.excess.information`.
     """
     whole = ~lost
     common = biases[whole].mean(axis=0) if whole.any() else np.zeros(biases.shape[1])

@@ -1,4 +1,4 @@
-"""Compute the share of a fault's tracking error that a controller avoids by using estimates."""
+"""Compute how much of the tracking error due to a fault a controller avoids by using estimates."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -14,28 +14,28 @@ from flexaxis.sim.simulate import tracked
 Array = NDArray[np.float64]
 
 COSTS = 0.2
-"""Smallest relative increase of the tracking error for which the score is defined."""
+"""Smallest relative increase of the tracking error due to a fault for which a score is defined."""
 
 PARTS: Mapping[str, str] = {
     "without_fault": "rad", "frozen": "rad", "told": "rad", "estimated": "rad", "limited": ""
 }  # fmt: skip
-"""Columns of a row with results of the simulated control loops, each with its unit."""
+"""Units of the results of the simulated control loops, keyed by result."""
 
 
 def recovered_of(track: Track, i: int) -> float | None:
-    """Return the share [%] of the fault's tracking error that estimates avoid."""
+    """Return the percentage of the tracking error due to a fault that estimates avoid."""
     return recovered(track.tracking, "estimated")
 
 
 def recovered_told_of(track: Track, i: int) -> float | None:
-    """Return the share [%] of the fault's tracking error that true parameters avoid."""
+    """Return the percentage of the tracking error due to a fault that true parameters avoid."""
     return recovered(track.tracking, "told")
 
 
 def recovered(tracking: Mapping[str, float] | None, loop: str) -> float | None:
-    """Return 100 (frozen − loop)/(frozen − without_fault), where the terms are rms tracking errors.
+    """Return 100 (frozen − loop)/(frozen − without_fault), computed from rms tracking errors.
 
-    The result is None if the fault increases the tracking error by less than `COSTS`.
+    The function returns None if the fault increases the tracking error by less than `COSTS`.
 
     Examples
     --------
@@ -73,18 +73,18 @@ def tracking(scenario: Scenario, seed: int, estimator: Any) -> Mapping[str, floa
     scenario : Scenario
         Scenario without a random onset.
     seed : int
-        Seed that determines the random onset and the noise.
+        Random seed of the fault onset and of the noise.
     estimator : Estimator
-        Estimator in its initial state, whose estimates the controller uses.
+        Estimator in its initial state. The controller uses the estimates of this estimator.
 
     Returns
     -------
     mapping of str to float, or None
-        ``frozen``, ``told`` and ``estimated`` are the rms tracking errors with the fault if the
-        controller uses nominal, true and estimated parameters, respectively [rad].
-        ``without_fault`` is the rms tracking error without the fault [rad]. ``limited`` is the
-        number of samples at which limits acted on the estimates. The result is None if the scenario
-        has no adaptive feed-forward or no fault.
+        ``frozen``, ``told`` and ``estimated`` are rms tracking errors with the fault [rad]. The
+        controller uses nominal, true and estimated parameters, respectively. ``without_fault`` is
+        the rms tracking error without the fault [rad]. ``limited`` is the number of samples at
+        which the estimates were limited. The function returns None if the scenario has no adaptive
+        feed-forward or no fault.
     """
     if scenario.controller.adapt is None or not scenario.fault:
         return None
@@ -95,7 +95,7 @@ def tracking(scenario: Scenario, seed: int, estimator: Any) -> Mapping[str, floa
 
 @remembered
 def _baselines(scenario: Scenario, seed: int) -> Mapping[str, float]:
-    """Return the tracking errors that do not depend on the estimator."""
+    """Return all rms tracking errors that do not depend on the estimator."""
     drawn = scenario.drawn(seed)
     healthy = drawn.override({"fault": []}, inherit=True)
     runs, followers = [drawn, drawn, healthy], [None, TrueParameters(drawn), None]

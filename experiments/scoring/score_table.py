@@ -1,7 +1,7 @@
-"""Define all scores in the table SCORES: their computation, pooling, names and display.
+"""Define the computation, pooling, names and display of all scores in the table SCORES.
 
-Rows, summaries, tables, reports, exports and the command `compare` use this table. One new entry is
-therefore enough to add a score.
+Summaries, tables, reports, exports and the command `compare` use the table SCORES. Therefore one
+new entry in SCORES is enough to add a score.
 """
 
 from collections.abc import Callable, Mapping
@@ -30,42 +30,42 @@ class Score:
     Attributes
     ----------
     name : str
-        Key in rows and summaries.
+        Name of the score, which is its key in rows and summaries.
     of : callable
         ``of(track, i)`` returns the score of the estimated parameter i, or None if the score is
         undefined.
     words : str
         Description of the score.
     unit : str
-        Unit of the score. The unit is empty for a number without a unit, and None for a score that
+        Unit of the score. The unit is empty for a dimensionless number, and None for a score that
         is not a number.
     better : {"less", "more"}, optional
-        Whether a smaller or a larger value is better; None if neither is better.
+        Whether a smaller or a larger score is better, or None if neither is better.
     pool : callable, optional
         Function from `flexaxis.experiments.scoring.pooling`, such as ``pooling.mean`` or
-        ``pooling.by(np.max)``. ``pool(columns, name)`` returns the entries of the pooled row. The
-        value is None for a score that is not pooled.
+        ``pooling.by(np.max)``. The call ``pool(columns, name)`` returns a dict with the pooled
+        score. The attribute is None if the score is not pooled.
     heading : str
-        Heading of the column in the report; empty for a score that the report does not show.
+        Column heading of the score in the report, or empty if the report omits the score.
     short : str
-        Heading of the column in the terminal; empty for a score that the terminal does not show.
+        Column heading of the score in the terminal, or empty if the terminal table omits the score.
     kind : {"number", "integer", "truth", "text"}
         Type of the values in the column.
     parts : mapping of str to str
-        Units of the parts, keyed by name, if the score consists of several numbers. Each part has
-        its own column.
+        Units of the parts of a score that consists of several numbers, keyed by name. Each part of
+        the score has its own column.
     margin : float, optional
-        Largest relative change that `compare` considers negligible. By default, `compare` ignores
-        scores without a margin.
+        Largest relative change of the score that `compare` considers negligible. By default,
+        `compare` ignores scores without a margin.
     zero : float
-        Lower limit of the values that `compare` uses [unit of the score]. Before `compare` computes
-        ratios, it replaces smaller values by this limit.
+        Lower limit of the score in ratios [unit of the score]. Before the command `compare`
+        computes ratios, it replaces smaller scores by `zero`.
     guard : bool
-        Whether the score can be negative. For such a score, `compare` uses differences between
-        absolute means, divided by the noise, instead of ratios. The command reports only an
-        increase of the score.
+        Whether the score can be negative. For a negative score, ratios have no meaning, so
+        `compare` uses differences between absolute means, divided by the noise. The command reports
+        only an increase of the score.
     shared : bool
-        Whether the score is the same for all parameters of a case. Such a score is computed once.
+        Whether the score is the same for all parameters of a run. A shared score is computed once.
     """
 
     name: str
@@ -85,7 +85,7 @@ class Score:
 
     @property
     def compared(self) -> bool:
-        """Whether `compare` can use the score (a guard, or a number for which less is better)."""
+        """Whether `compare` can use the score, as a guard or as a number that should be small."""
         return self.guard or (self.better == "less" and self.kind == "number")
 
 
@@ -95,9 +95,10 @@ SCORES: Mapping[str, Score] = {
         Score(
             "lag",
             scores.lag_of,
-            "T Σ |θ̃|/D in the 5 s after the fault, or until the next event. D is the size of the "
-            "fault. If the excitation is off at the fault, the window starts when the excitation "
-            "returns. The pooled value is the geometric mean over the runs.",
+            "Sum T Σ |θ̃|/D over the 5 s after the fault, or until the next event. T is the "
+            "sampling period, and D is the size of the fault. If the excitation is off when the "
+            "fault occurs, the sum starts when the excitation returns. The pooled lag is the "
+            "geometric mean over the runs.",
             unit="s",
             better="less",
             pool=pooling.geometric,
@@ -109,9 +110,9 @@ SCORES: Mapping[str, Score] = {
         Score(
             "t10",
             scores.t10_of,
-            "Time after which the error stays within ±10 % of the size of the fault until the end "
-            "of the window. The pooled value is the median over the runs. A run that diverges or "
-            "never settles counts as infinite.",
+            "Time after which the error remains within ±10 % of the size of the fault until the "
+            "end of the window. The pooled time is the median over the runs. The time is infinite "
+            "for a run that diverges or never settles.",
             unit="s",
             better="less",
             pool=pooling.median,
@@ -122,9 +123,9 @@ SCORES: Mapping[str, Score] = {
         Score(
             "std",
             scores.std_of,
-            "Standard deviation of the error before the fault, over time and runs, around their "
-            "common mean. The samples are the last 5 s of excitation before the fault, or the last "
-            "10 s of a run without a fault.",
+            "Standard deviation of the estimation error before the fault, over time and runs. The "
+            "error is evaluated over the last 5 s of excitation before the fault, or over the "
+            "last 10 s of a run without a fault.",
             unit="%",
             better="less",
             pool=pooling.deviation("bias", "lost_before"),
@@ -136,7 +137,7 @@ SCORES: Mapping[str, Score] = {
         Score(
             "bias",
             scores.bias_of,
-            "Mean error before the fault over the same samples as for std, averaged over the runs.",
+            "Mean estimation error before the fault, averaged over time and runs.",
             unit="%",
             pool=pooling.mean,
             heading="bias",
@@ -146,9 +147,9 @@ SCORES: Mapping[str, Score] = {
         Score(
             "std_after",
             scores.std_after_of,
-            "Standard deviation of the error in the last 2 s of the window after the fault. This "
-            "score reveals estimators that have a low std before the fault only because their "
-            "estimates hardly move.",
+            "Standard deviation of the estimation error in the last 2 s of the window after the "
+            "fault. This score reveals estimators whose std before the fault is low only because "
+            "their estimates hardly change.",
             unit="%",
             better="less",
             pool=pooling.deviation("bias_after", "lost_after"),
@@ -158,14 +159,15 @@ SCORES: Mapping[str, Score] = {
         Score(
             "bias_after",
             scores.bias_after_of,
-            "Mean error in the last 2 s of the window after the fault.",
+            "Mean estimation error in the last 2 s of the window after the fault.",
             unit="%",
             pool=pooling.mean,
         ),
         Score(
             "cross_talk",
             scores.cross_talk_of,
-            "Root mean square error that the fault causes in a parameter that did not change.",
+            "Root mean square error of a parameter that did not change, in the window after a "
+            "fault in another parameter.",
             unit="%",
             better="less",
             pool=pooling.root_mean_square,
@@ -175,9 +177,9 @@ SCORES: Mapping[str, Score] = {
         Score(
             "excess",
             excess.excess_of,
-            "Increase θ̃ᵀQθ̃/σ² of the prediction error due to the errors of all estimated "
-            "parameters before the fault. The value is the same for all parameters and does not "
-            "depend on their units.",
+            "Increase θ̃ᵀQθ̃/σ² of the mean squared prediction error due to the errors of all "
+            "estimated parameters before the fault. The excess error is the same for all "
+            "parameters and does not depend on units.",
             unit="",
             better="less",
             pool=pooling.mean,
@@ -188,9 +190,9 @@ SCORES: Mapping[str, Score] = {
         Score(
             "diverged",
             lambda track, _: track.lost is not None,
-            "Runs in which an estimate is not finite, or is outside 0.1 to 10 × nominal for more "
-            "than 1 s. After a run diverges, it is scored as if its estimates stayed at the "
-            "farther limit.",
+            "Number of runs in which an estimate is not finite, or lies outside the range 0.1 to "
+            "10 × nominal for more than 1 s. After divergence, the scores use the farther of the "
+            "two limits as the estimate.",
             better="less",
             pool=pooling.count,
             heading="diverged",
@@ -200,8 +202,8 @@ SCORES: Mapping[str, Score] = {
         Score(
             "failed",
             lambda track, _: track.failed,
-            "Runs in which the estimator raised an exception or its process died. These runs count "
-            "as diverged from the first sample on.",
+            "Number of runs in which the estimator raised an exception or its process died. A "
+            "failed run counts as diverged from the first sample on.",
             pool=pooling.count,
             heading="failed",
             kind="truth",
@@ -210,7 +212,7 @@ SCORES: Mapping[str, Score] = {
         Score(
             "lost_before",
             lambda track, _: track.lost_before,
-            "Whether the run diverged before the end of the interval for std and bias.",
+            "Whether the run diverged before the last sample that is used for std and bias.",
             kind="truth",
         ),
         Score(
@@ -222,8 +224,8 @@ SCORES: Mapping[str, Score] = {
         Score(
             "never_settled",
             scores.never_settled_of,
-            "Runs whose error is outside ±10 % of the size of the fault at the end of the window. "
-            "Diverged runs do not count.",
+            "Number of runs with an error of more than ±10 % of the size of the fault at the end "
+            "of the window. Diverged runs do not count.",
             better="less",
             pool=pooling.count_kept,
             heading="never settled",
@@ -237,8 +239,9 @@ SCORES: Mapping[str, Score] = {
         Score(
             "score",
             bounds.score_of,
-            "Lag on a logarithmic scale, from 0 for an estimator that never moves to 100 at the "
-            "bound `lag_bound`. The score is defined for steps on an axis that a model describes.",
+            "Lag on a logarithmic scale, from 0 for an estimator with constant estimates to 100 "
+            "at the Cramér–Rao bound `lag_bound`. The score is defined for step changes on an "
+            "axis that a model describes.",
             unit="",
             better="more",
             pool=pooling.mean,
@@ -248,8 +251,9 @@ SCORES: Mapping[str, Score] = {
         Score(
             "nees",
             consistency.nees_of,
-            "Normalised squared error θ̃ᵀ Σ⁻¹ θ̃ before the fault. If the reported covariance Σ is "
-            "correct, the mean is the number of estimated parameters.",
+            "Normalised squared estimation error θ̃ᵀ Σ⁻¹ θ̃ before the fault. If the reported "
+            "covariance Σ is correct, the mean of this score is the number of estimated "
+            "parameters.",
             unit="",
             pool=pooling.mean,
             heading="NEES",
@@ -258,8 +262,8 @@ SCORES: Mapping[str, Score] = {
         Score(
             "nis",
             consistency.nis_of,
-            "Normalised squared innovation before the fault. If the variance that the estimator "
-            "reports is correct, the mean is 1.",
+            "Mean normalised squared innovation before the fault. If the innovation variance that "
+            "the estimator reports is correct, the mean of this score is 1.",
             unit="",
             pool=pooling.mean,
             heading="NIS",
@@ -269,8 +273,8 @@ SCORES: Mapping[str, Score] = {
             "whiteness",
             consistency.whiteness_of,
             "Ljung–Box statistic of the innovations before the fault, divided by its degrees of "
-            "freedom. The mean is 1 for white innovations, and larger if past innovations predict "
-            "the next innovation.",
+            "freedom. The mean of this score is 1 for white innovations, and larger for "
+            "correlated innovations.",
             unit="",
             pool=pooling.mean,
             heading="whiteness",
@@ -279,23 +283,23 @@ SCORES: Mapping[str, Score] = {
         Score(
             "detection",
             detection.detection_of,
-            "Changes that the estimator reports: alarms and false alarms per run, false alarms per "
-            "1000 s, delay, share of missed faults, and share of detected faults for which the "
-            "estimator names the right parameter.",
+            "Detection of faults by the estimator: alarms and false alarms per run, false alarms "
+            "per 1000 s, delay, fraction of missed faults, and fraction of detected faults for "
+            "which the estimator names the correct parameter.",
             pool=pooling.detections([*detection.ALARMS]),
             parts=detection.ALARMS,
             shared=True,
         ),
         Score(
             "isolation", detection.isolation_of,
-            "Parameters that the estimator names for each fault.", kind="text", shared=True
+            "Parameters to which the estimator attributes each fault.", kind="text", shared=True
         ),
         Score(
             "recovered",
             recovered.recovered_of,
-            "Share of the rms tracking error due to the fault that a controller avoids by using "
-            "the estimates, in the window after the fault. The share is 0 for feed-forward with "
-            "nominal parameters and 100 for the same loop without the fault. The share is "
+            "Percentage of the rms tracking error due to the fault that a controller avoids by "
+            "using the estimates. The percentage is 0 for feed-forward with nominal parameters, "
+            "and 100 if the tracking error is as small as without the fault. The percentage is "
             "undefined if the fault increases the tracking error by less than 20 %.",
             unit="%",
             better="more",
@@ -305,14 +309,14 @@ SCORES: Mapping[str, Score] = {
         ),
         Score(
             "recovered_told", recovered.recovered_told_of,
-            "Share of the rms tracking error due to the fault that a controller avoids by using "
-            "the true parameters.", unit="%", pool=pooling.mean,
+            "Percentage of the rms tracking error due to the fault that a controller avoids by "
+            "using the true parameters.", unit="%", pool=pooling.mean,
         ),
         Score(
             "tracking",
             lambda track, _: track.tracking,
-            "Tracking errors for the score `recovered`, and the number of samples at which limits "
-            "acted on the parameters of the feed-forward.",
+            "Tracking errors for the score `recovered`, and the number of samples at which the "
+            "feed-forward parameters were limited.",
             pool=pooling.parts(recovered.PARTS),
             parts=recovered.PARTS,
         ),
@@ -320,14 +324,14 @@ SCORES: Mapping[str, Score] = {
 }  # fmt: skip
 
 METRICS = {score.name: score.unit or "" for score in SCORES.values() if score.compared}
-"""Units of the scores that `compare` can use, keyed by score."""
+"""Units of all scores that `compare` can use, keyed by score."""
 
 MARGINS = {score.name: score.margin for score in SCORES.values() if score.margin is not None}
-"""Largest negligible relative change of each score that `compare` uses by default."""
+"""Default margins of `compare`: largest negligible relative change of each score."""
 
 
 def rows(track: Track) -> list[dict[str, Any]]:
-    """Return the scores of a case as a list of rows, one row per parameter."""
+    """Return the scores of a run as a list of rows, with one row per parameter."""
     shared = {score.name: score.of(track, 0) for score in SCORES.values() if score.shared}
     return [
         {"parameter": name, "changed": bool(track.windows_of(i))}
@@ -340,12 +344,12 @@ def rows(track: Track) -> list[dict[str, Any]]:
 
 
 def undefined() -> dict[str, Any]:
-    """Return a row in which all scores are None, for a case without a record."""
+    """Return a row in which all scores are None, for a run without a simulated record."""
     return dict.fromkeys(("parameter", "changed", *SCORES))
 
 
 def columns() -> dict[str, Kind]:
-    """Return the kind of the values in each column, keyed by ``score`` or ``score.part``."""
+    """Return the type of the values in each column, keyed by ``score`` or ``score.part``."""
     kinds: dict[str, Kind] = {}
     for score in SCORES.values():
         names = [f"{score.name}.{part}" for part in score.parts] or [score.name]

@@ -1,8 +1,8 @@
-"""Compute the scores of one case, that is, of one estimator on one record.
+"""Compute the scores of one run, that is, of one estimator on one record.
 
-Errors θ̃ = θ̂ − θ_true are in per cent of nominal. After a fault, the errors of the changed parameter
-are divided by the size of the fault, D = |θ_after − θ_before|. The page docs/scores.md defines all
-scores.
+The estimation errors θ̃ = θ̂ − θ_true are given in per cent of the nominal values. After a fault,
+the errors of the changed parameter are divided by the size of the fault, D = |θ_after − θ_before|.
+The page docs/scores.md defines all scores.
 """
 
 from collections.abc import Mapping, Sequence
@@ -35,12 +35,12 @@ EDGE = 1e-6  # relative distance from a limit within which an estimate counts as
 
 
 def box(nominal: Array, truth: Array) -> tuple[Array, Array]:
-    """Return the lower and upper plausibility limits (p,) of estimates, 0.1 and 10 × nominal.
+    """Return the lower and upper plausibility limits (p,) of the estimates.
 
-    The limits are the same for every estimator, even if the estimator has its own bounds. If the
-    true values (N, p) reach or exceed a limit, the limit moves. The lower limit moves to the
-    smallest true value minus nominal. The upper limit moves to the largest true value plus
-    10 × nominal.
+    The limits are 0.1 and 10 × nominal for every estimator, even if an estimator has its own
+    bounds. If a true value (N, p) reaches the lower limit, the lower limit is the smallest true
+    value minus nominal. If a true value reaches the upper limit, the upper limit is the largest
+    true value plus 10 × nominal.
     """
     lower, upper = np.sort(np.outer(BOX, nominal), axis=0)
     low, high, room = truth.min(axis=0), truth.max(axis=0), abs(nominal)
@@ -49,10 +49,10 @@ def box(nominal: Array, truth: Array) -> tuple[Array, Array]:
 
 
 def loss(theta: Array, edges: tuple[Array, Array], period: float) -> int | None:
-    """Return the index of the sample at which a run (N, p) diverges, or None if it does not.
+    """Return the index of the sample at which a run diverges, or None if the run does not diverge.
 
-    A run diverges if an estimate is not finite, or if an estimate is at or beyond a limit for more
-    than 1 s. The result is the first of these samples.
+    A run diverges if an estimate (N, p) is not finite, or if an estimate is at or outside a limit
+    for more than 1 s. The function returns the first sample of the divergence.
     """
     lower, upper = edges
     room = EDGE * np.minimum(abs(lower), abs(upper))
@@ -77,16 +77,16 @@ class Track:
     names : tuple of str
         Names of the estimated parameters, such as ``("k_T", "1/J_a", "f_m")``.
     theta : ndarray (N, p)
-        Estimates; θ[k] is computed from y[0] to y[k].
+        Estimates. The estimates θ[k] are computed from y[0] to y[k].
     true_parameters : ndarray (N, P)
         True physical parameters, in the order of `Scenario.parameter_names`.
     torque : ndarray (N,), optional
-        Torque of the record [N m], for the bounds.
+        Torque of the record [N m], from which the bounds are computed.
     claimed : ndarray (p, p), optional
         Covariance that the estimator reports before the first fault (see `claimed_at`).
     innovations : ndarray (N, 2), optional
-        Innovations y − ŷ, computed before the estimator uses y, and the variances that the
-        estimator reports for them.
+        Innovations y − ŷ, computed before the estimator uses y, and the innovation variances that
+        the estimator reports.
     findings : sequence, optional
         Changes that the estimator reports, each with attributes ``alarm`` (sample of the alarm) and
         ``parameters`` (names of the parameters that changed).
@@ -120,16 +120,16 @@ class Track:
 
     @cached_property
     def box(self) -> tuple[Array, Array]:
-        """Lower and upper plausibility limits of the estimates, each (p,)."""
+        """Lower and upper plausibility limits (p,) of the estimates."""
         return box(self.nominal, self.truth)
 
     @cached_property
     def lost(self) -> int | None:
         """Index of the sample at which the run diverges, or None if the run does not diverge.
 
-        A parameter of a friction law has no lower limit, because an axis may not have this kind of
-        friction. If `identify` does not contain the parameter, it has no upper limit either,
-        because the plant may not have this law.
+        A parameter of a nonlinear law has no lower limit, because the axis can lack this
+        nonlinearity. A nonlinear-law parameter that `identify` does not contain has no upper limit
+        either.
         """
         law = [name in LAW_NAMES for name in self.names]
         besides = [name in LAW_NAMES and name not in self.scenario.identify for name in self.names]
@@ -138,9 +138,10 @@ class Track:
         return loss(self._judged(law), edges, self.scenario.period)
 
     def _judged(self, law: Sequence[bool]) -> Array:
-        """Return the estimates (N, p), with true values of law parameters until the end of burn-in.
+        """Return the estimates (N, p), but true values of nonlinear-law parameters during burn-in.
 
-        Estimators do not receive initial values of law parameters, so any initial value is allowed.
+        Estimators receive no initial values of nonlinear-law parameters, so any initial estimate of
+        these parameters is allowed.
         """
         if not any(law):
             return self.theta
@@ -149,10 +150,11 @@ class Track:
 
     @cached_property
     def error(self) -> Array:
-        """Errors θ̃ (N, p) for the scores; after a run diverges, θ̂ is the farther limit.
+        """Limited errors θ̃ (N, p), from which the scores are computed.
 
+        After a run diverges, θ̂ is replaced by the limit that is farther from the true value.
         Before a run diverges, errors are clipped to the distance of the farther limit. Therefore an
-        estimator never improves a score by diverging.
+        estimator cannot improve a score by diverging.
         """
         lower, upper = self.box
         below, above = self.truth - lower, upper - self.truth
@@ -165,22 +167,22 @@ class Track:
 
     @cached_property
     def percent(self) -> Array:
-        """Errors θ̃ (N, p) in per cent of nominal."""
+        """Errors θ̃ (N, p) in per cent of the nominal values."""
         return 100 * self.error / abs(self.nominal)
 
     @cached_property
     def windows(self) -> list[Window]:
-        """The scored windows, in order of time."""
+        """The scored windows of all events, sorted by time."""
         return windows(self.scenario, self.names)
 
     @cached_property
     def quiet(self) -> NDArray[np.intp]:
-        """The indices of the samples for the scores std and bias."""
+        """Indices of the samples that are used for the scores std and bias."""
         return quiet(self.scenario)
 
     @property
     def lost_before(self) -> bool:
-        """Whether the run diverged before the end of the samples for std and bias."""
+        """Whether the run diverged before the last sample that is used for std and bias."""
         return self.lost is not None and bool((self.quiet >= self.lost).any())
 
     def lost_by_end(self, i: int) -> bool:
@@ -189,7 +191,7 @@ class Track:
         return self.lost is not None and self.lost < last
 
     def windows_of(self, i: int) -> list[Window]:
-        """Return the windows after changes of the estimated parameter i."""
+        """Return the scored windows after changes of the estimated parameter i."""
         return [w for w in self.windows if w.parameter == physical(self.names[i])[0]]
 
     def relative(self, i: int) -> list[Array]:
@@ -208,9 +210,9 @@ class Track:
 
 
 def failed_track(scenario: Scenario, true_parameters: Array, torque: Array | None = None) -> Track:
-    """Return the track of a failed case, which diverges at its first sample.
+    """Return the track of a failed run, which diverges at the first sample.
 
-    The estimates in this track are NaN for each parameter of `identify`.
+    In the track of a failed run, the estimates of all parameters in `identify` are NaN.
 
     Parameters
     ----------
@@ -219,7 +221,7 @@ def failed_track(scenario: Scenario, true_parameters: Array, torque: Array | Non
     true_parameters : ndarray (N, P)
         True physical parameters of the record.
     torque : ndarray (N,), optional
-        Torque of the record [N m], for the bounds.
+        Torque of the record [N m], from which the bounds are computed.
     """
     names = known_names(scenario, scenario.identify)
     none = np.full((len(true_parameters), len(names)), np.nan)
@@ -227,12 +229,12 @@ def failed_track(scenario: Scenario, true_parameters: Array, torque: Array | Non
 
 
 def lag(relative: Array, period: float) -> Any:
-    """Return the lag T Σ |θ̃|/D [s], which is a sum along the first axis of θ̃/D (n, …)."""
+    """Return the lag T Σ |θ̃|/D [s], summed along the first axis of the relative errors (n, …)."""
     return period * np.abs(relative).sum(axis=0)
 
 
 def settling(relative: Array, level: float, period: float) -> float | None:
-    """Return the time [s] after which θ̃/D (n,) stays within ±level, or None if it does not."""
+    """Return the time [s] after which θ̃/D (n,) remains within ±level, or None if never."""
     outside = np.flatnonzero(~(np.abs(relative) <= level))  # NaN counts as outside
     settled = 0 if not outside.size else int(outside[-1]) + 1
     return None if settled == len(relative) else settled * period
@@ -252,16 +254,16 @@ def finite(value: float) -> float | None:
 
 
 def lag_of(track: Track, i: int) -> float | None:
-    """Return the mean lag [s] over the windows."""
+    """Return the mean lag [s] over all windows of a parameter."""
     lags = [lag(part, track.scenario.period) for part in track.relative(i)]
     return finite(float(np.mean(lags))) if lags else None
 
 
 def t10_of(track: Track, i: int) -> float | None:
-    """Return the mean time [s] after which θ̃ stays within ±0.1 D until the end of the window.
+    """Return the mean time [s] after which θ̃ remains within ±0.1 D until the end of the window.
 
-    The result is None if the run diverges, if there is no window, or if θ̃ is outside ±0.1 D at the
-    end of any window.
+    The function returns None if the run diverges, if there is no window, or if θ̃ is outside ±0.1 D
+    at the end of any window.
     """
     times = [settling(part, 0.1, track.scenario.period) for part in track.relative(i)]
     if track.lost is not None or not times or None in times:
@@ -270,7 +272,7 @@ def t10_of(track: Track, i: int) -> float | None:
 
 
 def never_settled_of(track: Track, i: int) -> bool | None:
-    """Return whether θ̃ is outside ±0.1 D at the end of any window."""
+    """Return whether θ̃ is outside ±0.1 D at the end of any window of a parameter."""
     parts = track.relative(i)
     return any(settling(p, 0.1, track.scenario.period) is None for p in parts) if parts else None
 
@@ -286,17 +288,17 @@ def bias_of(track: Track, i: int) -> float | None:
 
 
 def std_after_of(track: Track, i: int) -> float | None:
-    """Return the rms of θ̃ in the last 2 s of the windows [% of nominal]."""
+    """Return the rms of θ̃ in the last 2 s of all windows of a parameter [% of nominal]."""
     return finite(rms(ends)) if (ends := track.ends(i)).size else None
 
 
 def bias_after_of(track: Track, i: int) -> float | None:
-    """Return the mean of θ̃ in the last 2 s of the windows [% of nominal]."""
+    """Return the mean of θ̃ in the last 2 s of all windows of a parameter [% of nominal]."""
     return finite(ends.mean()) if (ends := track.ends(i)).size else None
 
 
 def cross_talk_of(track: Track, i: int) -> float | None:
-    """Return the rms of θ̃ [% of nominal] in all windows, for a parameter that does not change."""
+    """Return the rms of θ̃ in all windows [% of nominal] for a parameter that does not change."""
     spans = [track.percent[w.start : w.stop, i] for w in track.windows]
     return finite(rms(np.concatenate(spans))) if spans and not track.windows_of(i) else None
 

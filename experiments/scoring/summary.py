@@ -1,4 +1,4 @@
-"""Pool the scores of all seeds into one row per scenario, estimator and parameter."""
+"""Pool the scores from all seeds into one row per scenario, estimator and parameter."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ NUMBERS = (
     "cost.seconds",
     "onset",
 )
-"""Numeric columns of a row, in the order in which they are stored."""
+"""Numeric columns of a row of scores, in the order in which the columns are stored."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,10 +41,10 @@ class Case:
     curve : ndarray (M, p)
         Every tenth estimate, divided by the nominal value.
     near : ndarray (W, p)
-        Every estimate around the first fault (`near_fault`), divided by the nominal value. The
-        array is empty (0, p) if there is no fault.
+        Every estimate around the first fault (`near_fault`), divided by the nominal value. Without
+        a fault, the array is empty (0, p).
     rows : list of dict
-        Scores, one row for each parameter.
+        Scores, with one row for each parameter.
     theta : ndarray (N, p) or None
         All estimates.
     """
@@ -60,7 +60,7 @@ def scored(
     track: Track, *, identity: Mapping[str, Any], cost: Mapping[str, Any],
     written: Scenario | None = None,
 ) -> Case:  # fmt: skip
-    """Compute the scores of a track, and the curves for its figures.
+    """Compute the scores of a run, and the trajectories for figures of the run.
 
     Parameters
     ----------
@@ -70,8 +70,8 @@ def scored(
         Columns that each row contains in addition to the scores. The columns of `identity` precede
         the scores, and `cost` is the last column.
     written : Scenario, optional
-        Scenario without a random onset. Curves of all runs are shifted to the onset of this
-        scenario.
+        Scenario without a random onset. The trajectories of all runs are shifted to the fault onset
+        in this scenario.
     """
     late = later(track.scenario, written or track.scenario)
     with np.errstate(over="ignore", invalid="ignore"):  # a diverged run may have any values
@@ -87,7 +87,7 @@ def scored(
 
 
 def pool_rows(rows: pd.DataFrame, scenario: Scenario) -> list[dict[str, Any]]:
-    """Return the pooled rows of one estimator on one scenario, one for each parameter.
+    """Return the pooled scores of one estimator on one scenario, with one row per parameter.
 
     Parameters
     ----------
@@ -99,8 +99,8 @@ def pool_rows(rows: pd.DataFrame, scenario: Scenario) -> list[dict[str, Any]]:
     Returns
     -------
     list of dict
-        Rows of scores that are pooled as in `scoring.score_table.SCORES`. Each row also contains
-        ``scenario, parameter, changed`` and ``seeds``, the number of seeds.
+        Rows of scores that are pooled as `scoring.score_table.SCORES` defines. Each row also
+        contains ``scenario, parameter, changed`` and the number of ``seeds``.
     """
     columns = {name: columns_of(own) for name, own in rows.groupby("parameter", sort=False)}
     shared = excess(columns, scenario)
@@ -112,22 +112,22 @@ def pool_rows(rows: pd.DataFrame, scenario: Scenario) -> list[dict[str, Any]]:
 
 
 def columns_of(rows: pd.DataFrame) -> dict[Any, Array]:
-    """Return the numbers in the rows of one parameter as columns, in which None becomes NaN.
+    """Return the scores of one parameter as arrays, in which NaN replaces None.
 
     Parameters
     ----------
     rows : DataFrame
-        One row per run, and optionally the ``point`` to which each run belongs. A missing column
-        becomes NaN, so runs without a ``point`` belong to the same point.
+        One row per run. The optional column ``point`` contains the sweep point of each run. A
+        missing column becomes NaN, so all runs without a ``point`` belong to the same sweep point.
     """
     numbers = rows.reindex(columns=["seed", "point", *NUMBERS]).astype(float)
     return {name: values.to_numpy() for name, values in numbers.items()}
 
 
 def pool_columns(columns: pooling.Columns, names: Iterable[str] | None = None) -> dict[str, Any]:
-    """Return the pooled scores of the rows of one parameter.
+    """Return the pooled scores of one parameter.
 
-    The result does not contain the excess error, which depends on all parameters of a case (see
+    The result does not contain the excess error, which depends on all parameters of a run (see
     `excess`).
 
     Parameters
@@ -147,21 +147,21 @@ def pool_columns(columns: pooling.Columns, names: Iterable[str] | None = None) -
 
 
 def cost(columns: pooling.Columns) -> dict[str, Any]:
-    """Return the median computing time per sample [µs]."""
+    """Return the median computing time per sample over all runs [µs]."""
     us = pooling.by(np.median)(columns, "cost.us_per_sample")["cost.us_per_sample"]
     return {"cost": {"us_per_sample": us}}
 
 
 def excess(by_name: Mapping[Any, pooling.Columns], scenario: Scenario) -> dict[str, Any]:
-    """Return the pooled excess error and its interval, which are the same for all parameters.
+    """Return the pooled excess error and its confidence interval, which all parameters share.
 
     Parameters
     ----------
     by_name : mapping of str to columns
         Columns of each estimated parameter, for the same runs of one scenario.
     scenario : Scenario
-        Scenario of the runs. The common bias applies to the parameters of `identify`. A parameter
-        that the estimator does not estimate counts as unbiased.
+        Scenario of the runs. The excess error depends on the biases of the parameters in
+        `identify`. The bias of a parameter that the estimator does not estimate counts as zero.
     """
     first = next(iter(by_name.values()))
     each, lost = first["excess"], first["lost_before"] > 0

@@ -1,4 +1,4 @@
-"""Build the estimators' model with the true laws and parameters of an axis, and its gradient."""
+"""Build a model with the true nonlinear laws and parameters of an axis, and its gradient."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -33,17 +33,17 @@ STIFF = 1e5  # bristle stiffness for Coulomb friction [N m/rad]; 1e4 changes a b
 
 @dataclass(frozen=True)
 class Described:
-    """Description of one scenario table by a law of the estimators' models.
+    """Nonlinear law of the estimators' models that describes one scenario table.
 
     Attributes
     ----------
     law : Law
-        Law that represents this table in the estimators' models.
+        Nonlinear law that represents the scenario table in the estimators' models.
     values : callable
-        ``values(table)`` returns the parameters of the law that are not parameters of the plant.
+        The call ``values(table)`` returns the law parameters that are not plant parameters.
     beside : tuple of Law
-        Other laws that the model needs for this table. For example, gear friction needs the spring
-        law, which provides the load.
+        Other nonlinear laws that the model needs in order to describe the scenario table. For
+        example, gear friction needs the spring law, which provides the load.
     """
 
     law: Law
@@ -58,7 +58,7 @@ COULOMB = {"f_s": 0.0, "v_s": 0.0, "sigma_0": STIFF, "sigma_1": 0.0, "v_0": 0.0}
 
 
 def _shares(table: Any) -> dict[str, float]:
-    """Return the parameters of load-dependent friction that are not parameters of the plant."""
+    """Return the parameters of load-dependent friction that are not plant parameters."""
     shares = {"mu_m": table.motor, "mu_e": table.external}
     slow = {"mu_ms": table.motor_slow, "mu_es": table.external_slow}
     return shares | slow | {"sharpness": table.alpha}
@@ -81,31 +81,31 @@ DESCRIBED: Mapping[str, Described] = {
     ),
     "saturation": Described(LIMIT, lambda table: {"torque_limit": table.torque}),
 }
-"""Descriptions of the scenario tables that have a law in the estimators' models, keyed by table."""
+"""Nonlinear laws in the estimators' models that describe scenario tables, keyed by table name."""
 
 DRY = ("friction", "lugre", "static_friction", "gear_friction")
-"""Names of the scenario tables of dry friction; a model can include only one of these tables."""
+"""Names of the scenario tables with dry friction; a model can describe only one of them."""
 
 
 def describes(scenario: Scenario) -> bool:
-    """Return whether an estimators' model with true parameters describes the records exactly."""
+    """Return whether a model for estimators with true parameters describes the records exactly."""
     tables = scenario.tables
     known = has_model(scenario) and all(t.exact or key in DESCRIBED for key, t in tables.items())
     return known and sum(key in tables for key in DRY) <= 1
 
 
 def reads_encoder(scenario: Scenario) -> bool:
-    """Return whether estimators read the angle of an encoder or the increments of this angle."""
+    """Return whether estimators read an encoder angle or angle increments."""
     return scenario.output in {"angle", "increment"}
 
 
 def linear_model(scenario: Scenario, values: Mapping[str, float]) -> Model:
-    """Return the linear model of an axis; its output is the signal that predictors use."""
+    """Return the linear model of an axis with the output signal that predictors use."""
     return SIGNALS[scenario.output].predicted(axis_model(scenario, values), scenario.period)
 
 
 def true_model(scenario: Scenario, parameters: Array) -> Model:
-    """Return the model of an axis with its laws; its output is a speed or an encoder angle."""
+    """Return the axis model with its nonlinear laws; the output is a speed or an encoder angle."""
     laws: list[Law] = []
     for part in _described(scenario).values():
         laws += [law for law in (part.law, *part.beside) if law not in laws]
@@ -117,7 +117,7 @@ def true_model(scenario: Scenario, parameters: Array) -> Model:
 
 
 def _values(scenario: Scenario, parameters: Array) -> dict[str, float]:
-    """Return the values of all model parameters, given the values (P,) of the plant parameters."""
+    """Return the values of all model parameters, given the plant parameters (P,)."""
     values: dict[str, float] = {}
     for key, part in _described(scenario).items():
         values |= part.values(scenario.tables[key])
@@ -125,22 +125,23 @@ def _values(scenario: Scenario, parameters: Array) -> dict[str, float]:
 
 
 def model_theta(scenario: Scenario, names: Sequence[str], parameters: Array) -> Array:
-    """Return the values (p,) of estimated parameters, given the values (P,) for the plant."""
+    """Return the values (p,) of the estimated parameters, given the plant parameters (P,)."""
     values = _values(scenario, parameters)
     return true_theta(names, np.array(list(values.values())), tuple(values))
 
 
 def tracked(scenario: Scenario, names: Sequence[str]) -> tuple[str, ...]:
-    """Return the names of all unknown parameters after a jump, which are `names` and f_c."""
+    """Return the names of all unknown parameters after a jump, that is, `names` and f_c."""
     return (*names, *(name for name in ("f_c",) if name in scenario.laws and name not in names))
 
 
 def untold(scenario: Scenario, names: Sequence[str]) -> dict[str, float]:
-    """Return the prior errors of all parameters that estimators do not know exactly.
+    """Return the prior relative errors of all parameters that estimators do not know exactly.
 
-    The result does not contain `names`. The values are prior standard deviations, divided by the
-    parameter. If estimators know a parameter with an error, the value is the rms relative error of
-    all known values. For any other parameter of a law, the value is `PRIOR`.
+    The result does not contain the parameters in `names`. A prior error is a standard deviation
+    divided by the parameter. For parameters that estimators know with an error, the prior error is
+    the rms relative error of all known values. For other parameters of nonlinear laws, the prior
+    error is `PRIOR`.
     """
     model, factors = true_model(scenario, scenario.unchanged), scenario.known_factors
     error = float(np.sqrt(np.mean(np.square(np.log([1.0, *factors.values()])))))
@@ -151,10 +152,11 @@ def untold(scenario: Scenario, names: Sequence[str]) -> dict[str, float]:
 
 
 def sizes(scenario: Scenario, names: Sequence[str], theta: Array) -> Array:
-    """Return the scales (p,) of the parameters θ (p,) for a prior.
+    """Return the scales (p,) of the parameters θ (p,), relative to which priors are defined.
 
-    The scale of a parameter is its value in `theta`. If this value is zero, the scale is the
-    initial value or, for the two cogging coefficients, the initial amplitude.
+    The scale of a parameter is its value in `theta`. If the value is zero, the scale is the initial
+    value of the parameter. For the two cogging coefficients, the scale is then the initial cogging
+    amplitude.
     """
     nominal = np.array(list(scenario.initial.values()))
     values = _values(scenario, nominal)
@@ -171,11 +173,11 @@ def _described(scenario: Scenario) -> dict[str, Described]:
 
 
 FINER = 2
-"""Number of integration steps, divided by the number in estimators with laws.
+"""Number of integration steps per sample, relative to estimators with nonlinear laws.
 
-With this value, the errors of the bounds are at most 3 % in tests. Coulomb friction is almost
-discontinuous. For this law, the lag bound differs by up to 7 % from the bound with 16 times as many
-steps.
+With twice as many steps, the errors of the bounds are at most 3 % in tests. Coulomb friction is an
+exception, because it is almost discontinuous. The lag bound for Coulomb friction differs by up to 7
+% from the lag bound with 16 times as many steps.
 """
 
 
@@ -188,10 +190,10 @@ def jump_gradient(
     period: float,
 ) -> Array:
     """
-    Return the gradient ψ₀ (N, p) at N samples from a jump on.
+    Return the gradient ψ₀ (N, p) at the first N samples after a jump.
 
     The state at the jump does not depend on the new θ, so the sensitivities start at zero. As a
-    result, information accumulates more slowly than in steady state.
+    result, the data provide information more slowly than in steady state.
 
     Parameters
     ----------
@@ -202,7 +204,7 @@ def jump_gradient(
     u : (N,) array_like
         Torque after the jump [N m].
     x : (n,) array_like
-        State of the model at the jump, including the states of laws.
+        State of the model at the jump, including the states of nonlinear laws.
     period : float
         Sampling period T [s].
     """
@@ -212,7 +214,7 @@ def jump_gradient(
 def _travel(
     model: Parametrization, theta: ArrayLike, u: ArrayLike, x: ArrayLike, period: float
 ) -> tuple[Array, Array]:
-    """Return the gradient (N, p) and the final state (n,) for a torque (N,) and initial state."""
+    """Return the gradient (N, p) and final state (n,) for a torque (N,) and an initial state."""
     steps = FINER * law_steps(model, period)
     simulated = simulation(model, theta, period, steps=steps)
     X = simulated["X"]  # the derivatives with respect to θ start at zero
@@ -223,7 +225,7 @@ def _travel(
 
 
 def state_at(scenario: Scenario, truth: Array, u: Array, index: int) -> Array:
-    """Return the true state (n,) at a sample, including the effects of all earlier changes.
+    """Return the true state (n,) at a sample, including the effects of earlier parameter changes.
 
     The function simulates the model from rest, with the true parameters (N, P) and the torque (N,)
     of a record.

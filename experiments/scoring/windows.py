@@ -1,4 +1,4 @@
-"""Select the samples for scores: the quiet time before a fault and the window after the fault."""
+"""Select the samples for scores: an interval before a fault and a window after the fault."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ KEPT = 256  # number of results that a cached function keeps
 
 
 def remembered(function: Function, by: str = "hash") -> Function:
-    """Return a function of a scenario that caches its results by the hash or another digest."""
+    """Return a function of a scenario that caches results, keyed by a hash of the scenario."""
     results: dict[Any, Any] = {}
 
     @wraps(function)
@@ -40,7 +40,7 @@ QUIET_WITHOUT_FAULT = 10.0  # time at the end of a run without a fault, for std 
 
 @dataclass(frozen=True)
 class Window:
-    """The scored samples `start` … `stop`−1 after the change of one parameter.
+    """The scored samples `start` to `stop` − 1 after the change of one parameter.
 
     `D` is the size of the fault, |θ_after − θ_before|, in the unit of the estimated parameter.
     """
@@ -52,13 +52,13 @@ class Window:
 
 
 def windows(scenario: Scenario, names: Sequence[str]) -> list[Window]:
-    """Return the scored window of each event, in order of time.
+    """Return the scored windows of all events, sorted by time.
 
-    A window starts at the fault. If the excitation pauses at this time, the window starts when the
-    excitation returns. A window ends after 5 s, at the next event, or at the end of the record.
-    Several changes of a parameter in one pause have one window, and `D` is the size of the total
-    change. If the parameter is not estimated, `D` is NaN, and the window is used only for the
-    cross-talk of the other parameters.
+    A window starts at the fault. If the excitation pauses when the fault occurs, the window starts
+    when the excitation returns. A window ends after 5 s, at the next event, or at the end of the
+    record. Several changes of a parameter during one pause have a common window, and `D` is the
+    size of the total change. If the parameter is not estimated, `D` is NaN. The window is then used
+    only for the cross-talk of other parameters.
     """
     return list(_windows(scenario, tuple(names)))
 
@@ -92,10 +92,11 @@ def _size(before: float, after: float, changed: str, names: Sequence[str]) -> fl
 
 
 def claimed_at(scenario: Scenario) -> int:
-    """Return the index of the sample at which an estimator's covariance is recorded.
+    """Return the index of the sample at which the covariance of an estimator is recorded.
 
-    The result is the last sample before the second in which the first fault occurs. If there is no
-    fault, or if the fault occurs in the first second, the result is the last sample of the run.
+    This sample is the last sample of the last full second before the first fault. If there is no
+    fault, or if the fault occurs in the first second, the covariance is recorded at the last sample
+    of the run.
     """
     events, second = scenario.events(), sample_index(1.0, scenario.period)
     whole = events[0].index // second * second if events else 0
@@ -104,11 +105,11 @@ def claimed_at(scenario: Scenario) -> int:
 
 @remembered
 def quiet(scenario: Scenario) -> NDArray[np.intp]:
-    """Return the indices of the samples for the scores std and bias.
+    """Return the indices of the samples that are used for the scores std and bias.
 
-    The samples are the last 5 s with excitation between burn-in and the first onset. Without a
-    fault, the samples are the last 10 s of the run. If a run without a fault is shorter than 20 s,
-    the samples are the second half of the run.
+    In a run with a fault, the samples are the last 5 s with excitation between burn-in and the
+    first fault. In a run without a fault, the samples are the last 10 s. If a run without a fault
+    is shorter than 20 s, the samples are the second half of the run.
     """
     events = scenario.events()
     if not events:

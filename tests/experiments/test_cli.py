@@ -108,7 +108,7 @@ MISTAKES = [
     (["import", "nothing.csv"], "nothing.csv"),
     (["check", "frozn"], "Did you mean 'frozen'"),
     (["new", "sub/x.py"], "sub/x.py: cannot be written"),
-    (["new", "my-estimator.py"], "a file name that Python can import"),
+    (["new", "my-estimator.py"], "letters, digits and underscores"),
     (["simulate", "fm_step", "--seed", "-1"], "seed -1: a seed must be an integer"),
     (["simulate", "missing.toml"], "missing.toml"),
     (["simulate", "fm_step", "--gaps", "2"], "add --as-log"),

@@ -142,4 +142,4 @@ def test_on_the_command_line(capsys, short_toml, tmp_path):
     assert told["candidate"] == setting
     for name in ("report.html", "verdict.md"):
         text = text_of((tmp_path / "out" / name).read_text(encoding="utf-8"))
-        assert "Tuned to the std of f_m" in text
+        assert "tuned to the std of f_m" in text

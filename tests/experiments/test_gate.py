@@ -179,7 +179,7 @@ def test_what_is_as_good_as_nothing_counts_as_the_least_that_matters():
 def test_the_verdict_comes_first_and_large_changes_are_ratios():
     scatter = np.exp(0.3 * np.random.default_rng(0).standard_normal(32))
     content = as_dict(compared(side(), side(lag=17 * scatter)))
-    assert content["headline"] == "WORSE: lag of f_m at s is 16 times longer (14–18), same noise"
+    assert content["headline"] == "WORSE: lag of f_m on s is 16 times longer (14–18), same noise"
     (lag,) = (r for r in content["rows"] if r["metric"] == "lag")
     assert lag["text"][4:] == ["16 times", "14 … 18 times", "worse"]
     assert content["rows"][0] == lag
@@ -188,7 +188,7 @@ def test_the_verdict_comes_first_and_large_changes_are_ratios():
     assert text.index("WORSE") < text.index("| scenario") < text.index(content["legend"][0])
     assert as_dict(compared(side(), side()))["headline"] == "SAME: 2 of 2 scores"
     quick = as_dict(compared(side(), side(lag=0.7 * scatter)))
-    assert quick["headline"].startswith("BETTER: lag of f_m at s is 33 % shorter (24–41)")
+    assert quick["headline"].startswith("BETTER: lag of f_m on s is 33 % shorter (24–41)")
 
 
 def test_what_one_side_lacks_is_never_the_same():
@@ -196,7 +196,7 @@ def test_what_one_side_lacks_is_never_the_same():
     candidate_lacks, base_lacks = compared(both, side()), compared(side(), both)
     assert (candidate_lacks.verdict, candidate_lacks.status()) == ("undecided", 3)
     assert (base_lacks.verdict, base_lacks.status()) == ("undecided", 0)
-    assert "candidate lacks 32 cases of t" in as_dict(candidate_lacks)["headline"]
+    assert "candidate has 32 missing runs on t" in as_dict(candidate_lacks)["headline"]
     more = side(seeds=range(1000, 1040))
     some = compared(more, more[:32])  # seeds of one side alone
     assert not some.paired.gaps and some.verdict == "same"
@@ -205,7 +205,7 @@ def test_what_one_side_lacks_is_never_the_same():
 def test_a_changed_parameter_that_the_candidate_does_not_estimate():
     more = [r | {"parameter": "k_T"} for r in side()]
     found = compared(side() + more, more)
-    assert found.verdict == "undecided" and found.paired.gaps[0].text.endswith("f_m at s")
+    assert found.verdict == "undecided" and found.paired.gaps[0].text.endswith("f_m on s")
     assert "the base also estimates f_m" in as_dict(found)["advice"][0]
     with pytest.raises(ValueError, match="fewer than 2 runs in common"):
         compared(side(), more)

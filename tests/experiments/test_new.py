@@ -69,7 +69,7 @@ def test_the_template_keeps_the_rules_and_gets_a_verdict(mine, capsys, short_tom
 def test_nothing_is_overwritten(mine, capsys):
     mine.write_text("my work")
     assert main(["new", "my_estimator.py"]) == 2
-    assert "exists already" in capsys.readouterr().err and mine.read_text() == "my work"
+    assert "already exists" in capsys.readouterr().err and mine.read_text() == "my work"
 
 
 @pytest.mark.slow

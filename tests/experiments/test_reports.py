@@ -71,7 +71,7 @@ def every(rows, **change):
         (THREE[:2], "glr leads in 1 of 1 faults, at equal noise"),
         (every(THREE, how="noisier"), "glr leads in 2 of 2 faults, at equal noise"),
         (every(THREE, values={"lag": [0.0, 0.1]}),
-         "test: 2 seeds are too few for a ranking, which needs 5"),
+         "test: 2 seeds are too few for a ranking; 5 are needed"),
     ],
 )  # fmt: skip
 def test_the_title_is_the_answer(rows, title):

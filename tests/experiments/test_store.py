@@ -76,7 +76,7 @@ def test_shards_put_together_are_the_whole(tmp_path, outcomes):
 def test_rows_of_other_code_are_refused_with_both_ways_out(tmp_path, outcomes, monkeypatch):
     filled(tmp_path, outcomes)
     monkeypatch.setattr(module, "made_with", lambda: {"mujoco": "9", "code": "other"})
-    with pytest.raises(StudyError, match=r"code .*, now other.*-o, or .*--overwrite"):
+    with pytest.raises(StudyError, match=r"code .*, now other.*-o .*, or --overwrite"):
         Store(tmp_path).check()
     Store(tmp_path, overwrite=True).check()
 

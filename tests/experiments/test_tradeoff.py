@@ -49,7 +49,7 @@ def test_knobs():
     assert with_knob("frozen", 4.0) == "frozen"
     assert with_knob("ekf[noise=0.2]", 4.0) == "ekf[noise=0.2]"
     assert with_knob("rpem-forgetting", 256) is None  # λ would be below zero
-    with pytest.raises(EstimatorError, match=r"mine\.py cannot be imported: the file does not"):
+    with pytest.raises(EstimatorError, match=r"estimator file mine\.py does not exist"):
         with_knob("mine.py:Mine", 1.0)
 
 

@@ -59,7 +59,7 @@ def test_no_match_and_wrong_words_are_said(capsys):
         def noises(self, setting):
             return logs(excess=1.0 if setting.startswith("rpem") else 2.0)
 
-    with pytest.raises(ValueError, match=r"no setting of .*last setting tried is ekf"):
+    with pytest.raises(ValueError, match=r"no value of .*last attempt, ekf"):
         match_noise("ekf", Flat(range(1), runner_here().rows))
     assert main(["tune", "ekff"]) == 2
     assert "Did you mean 'ekf'" in capsys.readouterr().err

@@ -1,7 +1,7 @@
-"""My estimator of the motor friction f_m, which uses only NumPy and SciPy.
+"""An estimator of the motor friction f_m, which uses only NumPy and SciPy.
 
 This template works without changes. The estimator predicts the output with the current estimate,
-and corrects the estimate with recursive least squares. The marks (1) to (3) show good places for
+and corrects the estimate with recursive least squares. The comments (1) to (3) mark good places for
 your first changes.
 
     flexaxis check my_estimator.py:Mine
@@ -29,7 +29,7 @@ class Mine:
         self.X = np.zeros(11)  # sensitivity dx/dtheta, the state x, and the last input
 
     def step(self, u, y):
-        """Return theta[k], given the torque u[k] and the output y[k] (None in a gap)."""
+        """Return theta[k] from the torque u[k] and the output y[k]; a missing output is None."""
         # y[k] was measured before u[k] acts, so the prediction of y[k] uses the previous input.
         self.X = expm(self._model() * self.period) @ self.X
         self.X[10] = u
@@ -38,14 +38,14 @@ class Mine:
         return np.array([self.theta])
 
     def _update(self, psi, error):
-        """(2) Correct the estimate with the prediction error."""
+        """(2) Use the prediction error to correct the estimate."""
         gain = self.P * psi / (1 + psi * self.P * psi)
         self.P = (1 - gain * psi) * self.P / self.forgetting
         ratio = (self.theta + gain * error) / self.nominal["f_m"]
         self.theta = self.nominal["f_m"] * np.clip(ratio, 0.1, 10)
 
     def _model(self):
-        """(3) Return M in dX/dt = M X; x contains two twists and the speeds of three masses."""
+        """(3) Return the matrix M of dX/dt = M X, for two shaft twists and three speeds in x."""
         names = "r k_T J_m J_g J_a k_g k_a d_g d_a f_g f_a"
         r, k_T, J_m, J_g, J_a, k_g, k_a, d_g, d_a, f_g, f_a = map(
             self.nominal.__getitem__, names.split()
