@@ -52,7 +52,7 @@ _WORDS = {
 
 
 def problems(error: ValidationError, top: type[Scenario]) -> list[str]:
-    """Return one line for each problem in a scenario file.
+    """Return one line of text for each problem in a scenario.
 
     The function reports conflicts between keys only if the value of every key is valid.
     """
@@ -118,7 +118,7 @@ def _known_keys(words: list[str], top: type[BaseModel]) -> Iterable[str]:
 
 
 def conflicts(scenario: Scenario) -> Iterator[Problem]:
-    """Yield a problem for each value that conflicts with another value or is invalid for the plant.
+    """Report each value that conflicts with another value or is invalid for the plant.
 
     The types of all values must already have been checked.
     """
@@ -139,7 +139,7 @@ def conflicts(scenario: Scenario) -> Iterator[Problem]:
 
 
 def _rate_problems(scenario: Scenario) -> Iterator[Problem]:
-    """Yield a problem for each key that is incompatible with the sampling period."""
+    """Report each key with a value that is incompatible with the sampling period."""
     period, controller, delay = scenario.period, scenario.controller, scenario.delay
     if abs(period / TICK - round(period / TICK)) >= 1e-6:
         words = f"the sampling period must be a multiple of 1 ms, not {1000 * period:g} ms"
@@ -161,7 +161,7 @@ def _rate_problems(scenario: Scenario) -> Iterator[Problem]:
 
 
 def _axis_problems(scenario: Scenario) -> Iterator[Problem]:
-    """Yield a problem for each preset, parameter or table that is not valid for the model."""
+    """Report each preset, parameter or table that is not valid for the plant model."""
     names, known = parameter_names(scenario.model), presets(scenario.model)
     if scenario.preset not in known:
         yield "preset", unknown("preset", scenario.preset, known)
@@ -182,7 +182,7 @@ def estimated_problems(
     key: str = "identify",
     besides: Sequence[str] = LAW_NAMES,
 ) -> Iterator[Problem]:
-    """Yield a problem for each parameter in `names` that a scenario does not allow to be estimated.
+    """Report each parameter in `names` that cannot be estimated in a scenario.
 
     Parameters
     ----------
@@ -219,7 +219,7 @@ def _law_problem(name: str, scenario: Scenario) -> str | None:
     if having and not tables:
         return f"the plant has no parameter {name}: add the table {' or '.join(having)}"
     if len(tables) > 1:
-        return f"{name} is ambiguous, because {' and '.join(tables)} define it: remove a table"
+        return f"{name} is ambiguous, because {' and '.join(tables)} define it: remove one"
     return None
 
 
@@ -250,7 +250,7 @@ def _change_problems(change: Fault, scenario: Scenario) -> Iterator[Problem]:
 
 
 def _span_problems(change: Fault, period: float) -> Iterator[Problem]:
-    """Yield a problem for each time in a fault or nuisance that is shorter than one sample."""
+    """Report each time in a fault or nuisance that is shorter than one sample."""
     for key, about in type(change).model_fields.items():
         if A_SAMPLE in about.metadata and getattr(change, key) < period:
             text = f"a time must be one sample ({period:g} s) or more, not {getattr(change, key):g}"
@@ -263,7 +263,7 @@ def _span_problems(change: Fault, period: float) -> Iterator[Problem]:
 
 
 def _changed_problems(change: Fault, scenario: Scenario) -> Iterator[Problem]:
-    """Yield a problem if a parameter cannot change during a run, or cannot change to 0."""
+    """Report a fault if its parameter cannot change during a run, or cannot become 0."""
     known, parameter = changeable(parameter_names(scenario.model)), change.parameter
     law = meant(parameter)
     text = _law_problem(law, scenario) if parameter == law or law not in scenario.laws else None
@@ -286,7 +286,7 @@ def _changed_problems(change: Fault, scenario: Scenario) -> Iterator[Problem]:
 
 
 def _pause_problems(scenario: Scenario) -> Iterator[Problem]:
-    """Yield a problem for each pause after the run, and for an `onset_spread` that is too large."""
+    """Report each pause after the end of the run, and an `onset_spread` that is too large."""
     duration, spread = scenario.duration, scenario.onset_spread
     pauses = getattr(scenario.excitation, "pause", ())
     for i, (begin, _) in enumerate(pauses):

@@ -38,7 +38,7 @@ Streams = Annotated[str, AfterValidator(_a_key)]
 
 
 def content_hash(resolved: Mapping[str, Any]) -> str:
-    """Return the SHA-256 (64 hex digits) of a complete scenario without its descriptive keys.
+    """Return the SHA-256 (64 hex digits) of a scenario without its name and description.
 
     Old scenarios do not have the keys `streams`, `period` and `model`. Therefore the hash excludes
     `streams` with the value "content", `period` with the value 5 ms, and `model` with the value
@@ -70,7 +70,7 @@ def record_hash(resolved: Mapping[str, Any]) -> str:
 
 
 def _seen(resolved: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the keys and values of a scenario that affect the plant and the sensors."""
+    """Return only the keys and values of a scenario that affect the plant and the sensors."""
     return {key: value for key, value in _told_apart(resolved).items() if key not in _NOT_SEEN}
 
 

@@ -25,7 +25,7 @@ def reference_card(scenario: Scenario) -> dict[str, str]:
         "happens": happens(scenario),
         **{heading: "; ".join(texts) or "nothing" for heading, texts in _parts(scenario).items()},
         "estimated": ", ".join(scenario.identify),
-        "bound": f"defined for {names}" if names else "undefined, so no score is available",
+        "bound": f"defined for {names}" if names else "no bound is defined, so there is no score",
     }
 
 

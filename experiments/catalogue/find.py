@@ -46,18 +46,18 @@ GROUPS = {
 """Descriptions of the scenario groups in the catalogue, in the order of `flexaxis list`."""
 
 FAULTS = {
-    "worn or dry motor bearing, dragging brake": "f_m",
-    "worn gear, failing gear bearing": "f_g",
+    "worn or dry motor bearing, or dragging brake": "f_m",
+    "worn gear or failing gear bearing": "f_g",
     "seizing bearing of the arm": "f_a",
-    "tight seal, preload, dirt (dry friction)": "f_c",
-    "demagnetised motor, lost phase": "k_T",
-    "load picked up, tool changed": "J_a",
-    "loose coupling, cracked gear tooth": "k_g",
+    "dry friction due to a tight seal, preload or dirt": "f_c",
+    "demagnetised motor or lost phase": "k_T",
+    "picked-up load or changed tool": "J_a",
+    "loose coupling or cracked gear tooth": "k_g",
     "loose or cracked joint of the arm": "k_a",
     "aged damper in the gear coupling": "d_g",
     "aged damper in the arm coupling": "d_a",
-    "part added to the motor shaft": "J_m",
-    "part added to the gear": "J_g",
+    "additional part on the motor shaft": "J_m",
+    "additional part on the gear": "J_g",
 }
 """Name of the parameter that each physical fault changes, keyed by a description of the fault."""
 
@@ -139,8 +139,8 @@ def find_scenario(name: str) -> Scenario:
     Raises
     ------
     ScenarioError
-        If neither the name nor the file exists, or if the file contains errors. The function also
-        raises this error if a scenario in the catalogue does not match its frozen hash.
+        If neither the name nor the file exists, or if the file contains errors. A ScenarioError
+        also occurs if a scenario in the catalogue does not match its frozen hash.
     """
     from flexaxis.sim.scenario import load_scenario, scenario_from
 
@@ -169,7 +169,8 @@ def _frozen(scenario: Scenario, name: str) -> Scenario:
     if frozen_hash is None:
         raise ScenarioError(
             f"{name}: the scenario has no frozen hash. When the scenario is final, add the line "
-            f'"{name}" = "{result}" to {HOME / HASHES}. Before that, use the path of its file'
+            f'"{name}" = "{result}" to {HOME / HASHES}. Without a frozen hash, use the path of '
+            "the scenario file"
         )
     if frozen_hash != result:
         raise ScenarioError(
@@ -234,7 +235,7 @@ def select(names: Any, *, default: str = "smoke") -> Suite:
             scenario = find_scenario(str(each)) if isinstance(each, str | Path) else each
             result.setdefault((scenario.name, scenario.hash), scenario)
     if not result:
-        raise ScenarioError("there is no scenario: use at least one scenario, such as fm_step")
+        raise ScenarioError("no scenario is given: use at least one scenario, such as fm_step")
     first = (*suites.values(), find_suite(default))[0]
     swept = [find_scenario(name) for name in first.swept_scenarios] if suites else []
     name = ", ".join(getattr(each, "name", str(each)) for each in names)

@@ -1,7 +1,7 @@
 """Reproduce the paper of Östring and Gunnarsson with data from MuJoCo.
 
 The module `evidence` simulates the experiments and estimates the parameters. The module `measures`
-computes numerical measures from the estimates. The module `claims` and the file ``claims.toml`` use
-the measures to check the claims of the paper. The module `figures` draws the figures, and the
-module `reproduce` writes the web page.
+computes a numerical measure for each claim from the estimates. The module `claims` and the file
+``claims.toml`` use the measures to check the claims of the paper. The module `figures` draws the
+figures, and the module `reproduce` writes the web page.
 """

@@ -154,7 +154,7 @@ class Evidence:
         return self.gradient_power(self.reference)
 
     def adaptation(self, method: Method) -> ByName:
-        """Return the options of `Rpem` for a method; a matrix Δ replaces time constants."""
+        """Return the options of `Rpem` for a method, and convert time constants to a matrix Δ."""
         if isinstance(method, str):
             return self.adaptations[method]
         return {"drift": drift_for(method, self.Q, period=self.period)}

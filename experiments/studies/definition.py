@@ -56,7 +56,7 @@ def seeds_of(seeds: Any, default: int = 8) -> tuple[int, ...]:
     if not result or result[0] < 0 or len(result) > MOST:
         raise FlexaxisError(
             f"seeds {text!r}: give a number of seeds, such as 8, or a range, such as 1000:1030 "
-            f"(without 1030). The largest number of seeds is {MOST}"
+            f"(without 1030). At most {MOST} seeds are allowed"
         )
     return tuple(result)
 

@@ -121,8 +121,8 @@ class Plant:
         Raises
         ------
         ParameterError
-            If a parameter value is physically impossible. All parameters then keep their old
-            values.
+            If a parameter value is physically impossible. After an error, all parameters keep their
+            old values.
         """
         rows = [[*p.values()] if isinstance(p, AxisParameters) else p for p in parameters]
         values = np.array(rows, dtype=float)

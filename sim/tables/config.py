@@ -14,7 +14,7 @@ class Config(BaseModel):
 
 
 class Frozen(dict[str, float]):
-    """Immutable dict of numbers; the hash of a scenario with this dict always remains valid."""
+    """Immutable dict of numbers, so that the hash of a scenario cannot become invalid."""
 
     __slots__ = ()
 

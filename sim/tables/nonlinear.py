@@ -175,7 +175,7 @@ class SaturationConfig(Nonlinearity):
 
 
 def passive(spec: Any, name: str, **law: list[float]) -> None:
-    """Add a DC motor without input to the motor joint, which exerts friction or cogging torque.
+    """Add a DC motor without input to the motor joint, to model LuGre friction or cogging.
 
     The DC motor of MuJoCo implements LuGre friction and cogging. The keyword arguments `law`
     contain the parameters of LuGre friction and cogging.
