@@ -37,7 +37,7 @@ def reference(t):
 
 
 def close_the_loop(axis, *, Kp=0.1, Ki=0.4):
-    """Run the control loop, and return the torque [N m] and the speed [rad/s], (N,) each."""
+    """Run the control loop, and return the torque (N,) [N m] and the speed (N,) [rad/s]."""
     torque, speed, integral = [], [], 0.0
     while True:
         e = reference(axis.sample.time) - axis.sample.speed

@@ -99,7 +99,7 @@ class Estimate:
 
         Returns
         -------
-        Axes, or ndarray of Axes
+        axes : Axes or ndarray of Axes
             One Matplotlib axes object for each parameter.
         """
         panels = {}
@@ -175,7 +175,7 @@ def estimate(
 
     Returns
     -------
-    Estimate
+    result : Estimate
         Object with the parameter estimates θ (N, p) and other estimator outputs.
 
     Raises
@@ -225,7 +225,7 @@ def score(
 
     Returns
     -------
-    DataFrame
+    table : DataFrame
         Table with one row per parameter. The columns `lag` and `t10` are in s. The columns `std`,
         `bias` and `cross_talk` are in % of the nominal parameter value.
 
@@ -264,7 +264,7 @@ def check(estimator: EstimatorLike) -> pd.DataFrame:
 
     Returns
     -------
-    DataFrame
+    table : DataFrame
         Table with one row per rule, and with the columns ``rule, holds, seen, reason, hint``. The
         value of ``holds`` is None if the rule does not apply to the estimator.
 

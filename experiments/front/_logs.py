@@ -108,7 +108,7 @@ def import_log(path: str | Path, **columns: Any) -> LogResult:
     path : str or Path
         Path of the log.
     **columns
-        Options that describe the log format, which are column names (``torque="current"``),
+        Options that describe the log format. The options are column names (``torque="current"``),
         ``unit={"angle": "deg"}``, ``scale``, ``rate``, ``rows``, ``torque_is``, ``resample`` [Hz]
         and ``burn_in`` [s].
     """

@@ -51,7 +51,7 @@ class Recording(Record):
 
         Returns
         -------
-        Axes, or ndarray of Axes
+        axes : Axes or ndarray of Axes
             One Matplotlib axes object for each signal.
         """
         output = self.scenario.get("output", self.signals[-1])
@@ -121,7 +121,7 @@ def simulate(scenario: str | Path | Scenario, /, *, seed: int = 0, **changes: An
 
     Returns
     -------
-    Recording
+    record : Recording
         Record with the measured torque, angle and speed (N,), and the true parameter values.
 
     Raises
@@ -158,7 +158,7 @@ def load(path: str | Path) -> Any:
 
     Returns
     -------
-    Recording or Results
+    content : Recording or Results
         The record from the file, or the results from the folder.
 
     Raises
@@ -187,7 +187,7 @@ def cache(*, clear: bool = False) -> dict[str, Any]:
 
     Returns
     -------
-    dict
+    content : dict
         The keys are ``folder``, the path of the cache, and ``megabytes``, the size of the cache
         [MB]. The environment variable FLEXAXIS_CACHE sets the folder.
 
@@ -313,7 +313,7 @@ def make_axis(
 
     Returns
     -------
-    Axis
+    axis : Axis
         The simulated axis, which is at rest at the first sample.
 
     Raises

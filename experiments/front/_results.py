@@ -75,7 +75,7 @@ class Results(engine.Results):
 
         Returns
         -------
-        DataFrame
+        table : DataFrame
             Table with one row per run and parameter, whose columns
             `flexaxis.experiments.running.run.rerun` describes.
         """
@@ -94,7 +94,7 @@ class Results(engine.Results):
 
         Returns
         -------
-        Axes, or ndarray of Axes
+        axes : Axes or ndarray of Axes
             One Matplotlib axes object or, for a study, one object per changed parameter.
         """
         if key := x or next(iter(self.axes), ""):
@@ -153,7 +153,7 @@ def benchmark(
 
     Returns
     -------
-    Results
+    results : Results
         Object with one row of scores per scenario, estimator, seed and parameter.
 
     Raises
@@ -184,7 +184,7 @@ def study(definition: str | Path | dict[str, Any], *, folder: Place = None, **wo
 
     Returns
     -------
-    Results
+    results : Results
         Object with the scores for each run and parameter, and the values of the swept settings.
 
     Raises
@@ -285,7 +285,7 @@ def compare(
 
     Returns
     -------
-    Comparison
+    comparison : Comparison
         Object with the verdict, and with one row per scenario and score.
 
     Raises
@@ -373,7 +373,7 @@ def tune(
 
     Returns
     -------
-    DataFrame or Sweep
+    result : DataFrame or Sweep
         Table with one row per estimator, or a `Sweep` object if you pass `sweep`. The columns are
         ``estimator, problem, setting, knob, value, match`` and ``ratio``, the noise ratio of the
         estimator to the reference. If tuning fails, the column ``problem`` contains the reason.

@@ -190,7 +190,7 @@ def over_bound(
         Scores at equal noise in the columns ``fault, estimator, lag, lag_interval, bound,
         over_bound``.
     order : sequence of str
-        Names of the estimators from top to bottom.
+        Names of the estimators in the order of the rows.
     faults : mapping of str to str
         Descriptions of the faults, keyed by fault.
     looks : mapping of str to Style
@@ -224,7 +224,7 @@ def medians(
     traces: Mapping[str, Mapping[int, Any]], scenario: Scenario, name: str,
     window: tuple[float, float], *, banded: Sequence[str],
 ) -> list[Series]:  # fmt: skip
-    """Return the curves of the true value and of the median estimate of each estimator.
+    """Return the curve of the true value, and the median curves of all estimators.
 
     Parameters
     ----------
