@@ -233,7 +233,7 @@ def a_shift_of_u_hurts(subject: Subject) -> Seen:
     shifted = (np.r_[0.0, subject.u[:-1]], np.r_[subject.u[1:], 0.0])
     right = subject.error(subject.theta)
     late, early = (subject.error(subject.run(u, subject.y)) for u in shifted)
-    seen = f"the error {right:.1%} becomes {late:.1%} if u is late, and {early:.1%} if u is early"
+    seen = f"the error of {right:.1%} becomes {late:.1%} if u is late and {early:.1%} if u is early"
     return right < min(FAR, late / 1.5, early / 1.5), seen
 
 
@@ -253,8 +253,7 @@ RULES: dict[Callable[[Subject], Seen], tuple[str, str]] = {
         "seed the random generator in the constructor, and store no state in the class or module",
     ),
     step_equals_run: (
-        "the benchmark calls run, but a robot controller calls step, so the estimates must be "
-        "equal",
+        "the benchmark calls run and a robot controller calls step, so run and step must agree",
         "let the method run start from the current state, and store the state after the last "
         "sample",
     ),
@@ -287,9 +286,9 @@ RULES: dict[Callable[[Subject], Seen], tuple[str, str]] = {
     ),
     a_shift_of_u_hurts: (
         "u[k] acts after y[k], and an estimator that shifts u by one sample gives wrong estimates",
-        "in step(u, y), use u from the previous call to predict y, and then store the new u; if "
-        "the error is large for every shift of u, first check the model, the units and the order "
-        "of names",
+        "in step(u, y), use u from the previous call to predict y, and then store the new u. If "
+        "the error is large for every shift of u, check the model, the units and the order of "
+        "names",
     ),
 }
 """Reason for each rule, and a hint on how to follow the rule."""

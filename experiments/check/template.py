@@ -11,7 +11,7 @@ TEMPLATES = {
     ".c": ("my_estimator.c", "flexaxis.h"),
     ".m": ("my_estimator.m",),
 }
-"""Files of each template, keyed by file suffix; `new` gives the first file the requested name."""
+"""Files of each template, keyed by file suffix; `new` renames the first file as requested."""
 
 
 def new(path: Path) -> list[str]:

@@ -2,8 +2,8 @@
 
 The estimator is less noisy than a reference estimator at one setting, and noisier at the other
 setting. The logarithm of the lag is interpolated linearly as a function of the logarithm of the
-noise. If the estimator is noisier than the reference at all settings, or less noisy at all
-settings, the lag at the nearest setting is a one-sided bound on the lag at equal noise.
+noise. If the reference noise is outside the noise range of all settings, the lag at the nearest
+setting is a one-sided bound on the lag at equal noise.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Setting:
     text : str
         Estimator, written as for the option `--estimator`.
     factor : float
-        Position of the tuning parameter, divided by the default position.
+        Setting of the tuning parameter, relative to the default setting.
     rows : DataFrame
         Scores, with one row per seed, sorted by seed. All settings of an estimator have the same
         seeds.
@@ -101,9 +101,9 @@ class Match:
     Attributes
     ----------
     how : {"matched", "quieter", "noisier"}
-        "matched" if the reference noise lies between the noise levels at two settings. "quieter" if
-        the estimator is less noisy than the reference at all settings, and "noisier" if the
-        estimator is noisier than the reference at all settings.
+        The value is "matched" if the reference noise lies between the noise levels at two settings.
+        The value is "quieter" if the estimator is less noisy than the reference at all settings.
+        The value is "noisier" if the estimator is noisier than the reference at all settings.
     sides : tuple of Setting
         The two settings with noise just below and just above the reference noise, or the single
         setting whose noise is closest to the reference noise.
@@ -169,8 +169,8 @@ def match(reference: Setting, settings: Sequence[Setting], noise: Noise) -> Matc
     Returns
     -------
     Match or None
-        A match, or None if the reference estimates contain no noise, if `settings` is empty, or if
-        the noise at any setting is undefined.
+        The result is None if the reference estimates contain no noise, if `settings` is empty, or
+        if the noise at any setting is undefined.
     """
     line = sorted(settings, key=lambda setting: setting.factor)
     none, target = np.log(FLOOR), reference.log(noise)

@@ -14,7 +14,7 @@ REFERENCE = "rpem-forgetting"
 MATCHED, QUIETER, NOISIER = "matched", "quieter", "noisier"
 CONTROLS = ("frozen", "oracle-reset")  # baselines, which are not ranked
 AT_MOST = {QUIETER: "≤ ", NOISIER: "≥ "}
-"""Inequality sign before a lag at unmatched noise; `AT_LEAST` contains the sign before a score."""
+"""Inequality sign to print before a lag (`AT_LEAST`: a score) if the noise is not matched."""
 AT_LEAST = {QUIETER: "≥ ", NOISIER: "≤ ", "mixed": "about "}
 LEVEL = 0.05  # probability that at least one of several equally good estimators is ranked as worse
 
@@ -42,7 +42,7 @@ def leaders(values: Mapping[str, Scores], *, most: bool = False) -> list[str]:
     Returns
     -------
     list of str
-        Names of these estimators, with the best estimator first. The list is empty if no estimator
+        Names of the estimators, with the best estimator first. The list is empty if no estimator
         has scores for at least five seeds, the minimum for a ranking.
     """
     scores = {name: (-1) ** most * np.array(each, float) for name, each in values.items()}
@@ -74,9 +74,9 @@ def mark(rows: Iterable[Row]) -> list[dict[str, Any]]:
 
     The rows come from a sweep over tuning parameters, or from runs of each estimator at a single
     setting. Rows from a single setting do not contain the key `how`. Baselines are not ranked. An
-    estimator is not ranked if it is noisier than the reference at every setting. If an estimator is
-    less noisy than the reference at every setting, it is ranked only if its lag is shorter than the
-    lags of all estimators at equal noise.
+    estimator is not ranked if it is noisier than the reference at every setting. An estimator that
+    is less noisy than the reference at every setting is ranked only if it has a shorter lag than
+    all estimators at equal noise.
     """
     rows = list(rows)
     ahead = {
@@ -120,11 +120,11 @@ def overall(rows: Sequence[Row]) -> list[dict[str, Any]]:
     list of dict
         Dicts with the keys ``estimator, score, score_interval, how, faults, leads, values``, sorted
         by decreasing mean score. The mean score includes all faults for which a lag bound exists. A
-        missing score counts as 0. ``how`` is "quieter" if, for some faults, the estimator is less
-        noisy than the reference at all settings. The mean score is then a lower limit. ``how`` is
-        "noisier" if, for some faults, the estimator is noisier than the reference at all settings.
-        The mean score is then an upper limit. ``how`` is "mixed" if the estimator is less noisy for
-        some faults and noisier for other faults.
+        missing score counts as 0. If the estimator is less noisy than the reference at all settings
+        for some faults, ``how`` is "quieter" and the mean score is a lower limit. If the estimator
+        is noisier than the reference at all settings for some faults, ``how`` is "noisier" and the
+        mean score is an upper limit. ``how`` is "mixed" if the estimator is less noisy for some
+        faults and noisier for other faults.
     """
     faults = list(by_fault(row for row in rows if row["bound"]))
     seeds = max((len(row["values"].get("score") or ()) for row in rows), default=0)

@@ -150,9 +150,9 @@ class Runs:
     ) -> dict[tuple[str, Noise], Match | None]:  # fmt: skip
         """Match an estimator's noise to the base noise, for each parameter and noise measure.
 
-        If all settings are less noisy than the base, or all settings are noisier, the method also
-        runs settings further from the default and adds these settings to `line`. If `whole` is
-        true, the method ignores each seed for which a run at any setting diverged.
+        If the base noise is outside the noise range of all settings, the method adds settings
+        further from the default to `line`. If `whole` is true, the method ignores each seed for
+        which a run at any setting diverged.
         """
         matches: dict[tuple[str, Noise], Match | None] = dict.fromkeys(pairs)
         for factor in (1.0, *further):
@@ -207,9 +207,9 @@ def sweep(
 ) -> Sweep:
     """Run each estimator at several settings, and match its noise to the reference noise.
 
-    If all settings are less noisy than the reference, or all settings are noisier, the sweep tries
-    more settings. These additional settings differ from the default by a factor of up to 1024,
-    within the range of the tuning parameter.
+    If the reference noise is outside the noise range of all settings, the sweep tries more
+    settings. The additional settings differ from the default by a factor of up to 1024, within the
+    range of the tuning parameter.
 
     Parameters
     ----------

@@ -200,8 +200,8 @@ def equally_noisy(
     """Tune two estimators until each of them is as noisy as the reference estimator.
 
     If the scenarios change only one parameter that both estimators estimate, the function matches
-    the standard deviation of this parameter. If the scenarios change several of these parameters,
-    the function matches the excess prediction error, which is a single number for all parameters.
+    the standard deviation of this parameter. If the scenarios change several common parameters, the
+    function matches the excess prediction error, which is a single number for all parameters.
 
     Parameters
     ----------

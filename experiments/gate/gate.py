@@ -122,8 +122,8 @@ def compare(
     Raises
     ------
     FlexaxisError
-        If there are fewer than two seeds or more than `max_seeds` seeds, if the base and the
-        candidate have fewer than two common runs, or if the noise cannot be matched.
+        If the number of seeds is invalid, if the estimators have fewer than two common runs, or if
+        the noise cannot be matched.
     """
     looks, run = look_seeds(seeds, max_seeds), runner.rows
     left = [runner.misfits(scenarios, [text]) for text in (base, candidate)]
@@ -209,9 +209,8 @@ def compare_runs(
     Raises
     ------
     FlexaxisError
-        If the folders come from different versions of flexaxis or of a scenario, if there are fewer
-        than two common seeds, or if a folder contains several estimators and none of them is
-        chosen.
+        If the versions of flexaxis or of a scenario differ between the folders, if there are fewer
+        than two common seeds, or if a folder contains several estimators and none is selected.
     """
     sides, names, versions = [], [], []  # type: ignore[var-annotated]
     for folder, text in zip((base, candidate), estimators, strict=True):

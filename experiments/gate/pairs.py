@@ -49,7 +49,8 @@ class Paired:
         ratios are compared.
     lost : DataFrame
         One row per scenario and seed. The four columns, such as ``"diverged base"``, are true for
-        lost runs. If either estimator diverged in a run, the run does not count as never settled.
+        lost runs. A run that diverged for either estimator does not count as a run that never
+        settled.
     gaps : sequence of Gap
         Missing results of the base or the candidate.
     estimated : mapping of side to set of str

@@ -56,7 +56,8 @@ LEGEND = (
     'enough runs confirm the change. The verdict is "slight" or "same" if the interval lies inside '
     "the margin.",
     "McNemar's exact test compares the numbers of runs that diverge or never settle.",
-    "This is interim analysis {look} of {looks}. All analyses have the same error probability.",
+    "The result is interim analysis {look} of {looks}; each analysis has the same error "
+    "probability.",
 )
 
 
@@ -111,7 +112,7 @@ def headline(c: Comparison, shown: Sequence[Row]) -> str:
 
 
 def _scaled(row: Row) -> tuple[Any, str]:
-    """Return the change and its interval as an array (3,) in the unit for display, and the unit."""
+    """Return the change and its interval as an array (3,), and the unit for display."""
     numbers = np.array([row["change"], *row["interval"]], float)
     if row["scale"] is not None:
         return numbers, METRICS[row["metric"]]

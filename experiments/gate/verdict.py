@@ -35,13 +35,12 @@ UNSEEN = 0.5
 is a log-ratio; a log-ratio of 0.5 corresponds to a factor of 1.65."""
 
 FAILED, SCATTER = 0.2, 4 * 1.4826
-"""Limits for a failure. A pair of runs is a failure if its log-ratio is larger than FAILED and also
-exceeds the median log-ratio by more than SCATTER median absolute deviations (four standard
-deviations)."""
+"""Limits for a failure. The log-ratio of a failure is larger than FAILED, and exceeds the median
+log-ratio by more than SCATTER median absolute deviations (four standard deviations)."""
 
 
 class Lost(NamedTuple):
-    """Counts of the runs that diverged (or never settled), and the verdict on these counts.
+    """Numbers of lost runs (either diverged or never settled), and the verdict on these numbers.
 
     The attribute `newly` is the number of runs that only the candidate lost. The attribute
     `regained` is the number of runs that only the base lost.
@@ -104,7 +103,7 @@ def decide(
     ----------
     changes : array_like (S, n)
         For each score and seed, log(candidate/base), or the difference divided by the scale. An
-        entry is NaN if the base or the candidate has no score for this seed.
+        entry is NaN if the base or the candidate has no score for the seed.
     scenarios, metrics, margins : ndarray (S,)
         Scenario, metric and smallest relevant relative change of each score.
     alpha : float

@@ -237,7 +237,7 @@ def track_of(  # noqa: PLR0917
     Parameters
     ----------
     scenario : Scenario
-        Scenario that contains the random onset of this record.
+        Scenario that contains the random fault onset of `record`.
     record : Record
         A simulated record.
     estimated : sequence of str

@@ -313,8 +313,9 @@ def _known(spec: Spec, scenario: Scenario, nominal: Mapping[str, float]) -> dict
     identify = tuple(n for n in scenario.identify if laws or n not in LAW_NAMES)
     if not identify:
         raise Misfit(
-            f"{spec.text} does not declare `laws`, but {scenario.name} identifies only "
-            f"{', '.join(scenario.identify)}. Omit this scenario"
+            f"{spec.text} does not declare the attribute `laws`, so it cannot run on "
+            f"{scenario.name}, which identifies only {', '.join(scenario.identify)}. Omit the "
+            "scenario"
         )
     known: dict[str, Any] = {"identify": identify, "output": scenario.output}
     if (noise := scenario.data_sheet.get("noise")) is not None:
@@ -338,8 +339,8 @@ def _check_fits(text: str, estimator: Estimator, scenario: Scenario) -> None:
         raise EstimatorError("\n".join(lines))
     if estimator.output != scenario.output or not known_names(scenario, names):
         raise Misfit(
-            f"{text} reads {estimator.output!r} and estimates {', '.join(names)}, but "
-            f"{scenario.name} provides {scenario.output!r} and contains "
+            f"{text} reads the output {estimator.output!r} and estimates {', '.join(names)}, but "
+            f"{scenario.name} provides the output {scenario.output!r} and contains the parameters "
             f"{', '.join(scenario.parameter_names)}. Change the `output` of the estimator, or "
-            "omit this scenario"
+            "omit the scenario"
         )

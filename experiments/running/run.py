@@ -93,8 +93,8 @@ class Runner:
     Parameters
     ----------
     folder : Path, optional
-        Folder in which the scores are stored. Later studies do not repeat finished runs in this
-        folder. Without a folder, the scores are kept in memory.
+        Folder in which the scores are stored. Later studies do not repeat the finished runs in
+        `folder`. Without a folder, the scores are kept in memory.
     jobs : int
         Number of worker processes.
     executor : concurrent.futures.Executor, optional
@@ -173,8 +173,8 @@ class Runner:
         NotRun
             If the computer could not execute some runs. The results of finished runs are kept.
         KeyboardInterrupt
-            After Ctrl-C. The results of finished runs are kept. A second call executes the missing
-            runs.
+            After Ctrl-C. The results of finished runs are kept. A second call of `run` executes the
+            missing runs.
         """
         plan = units(study)
         part = plan[self.shard[0] - 1 :: self.shard[1]]
@@ -308,7 +308,7 @@ def rerun(results: Results, runner: Runner, sample: int = 0) -> pd.DataFrame:
     Parameters
     ----------
     results : Results
-        Stored results. The function does not change the folder of these results.
+        Stored results. The function does not change the folder of `results`.
     runner : Runner
         Runner that does not use the folder of `results`.
     sample : int
@@ -320,8 +320,8 @@ def rerun(results: Results, runner: Runner, sample: int = 0) -> pd.DataFrame:
     DataFrame
         Table with the columns ``scenario, estimator, seed, parameter, score, difference``. The
         column ``score`` contains the name of the score that differs most. The column ``difference``
-        contains the relative difference of this score. The difference is infinite if only the old
-        or only the new value is defined.
+        contains the relative difference between the old and the new value of ``score``. The
+        difference is infinite if only one of the two values is defined.
     """
     scores, key = [name for name in NUMBERS if "cost." not in name], ["seed", "parameter"]
     cases, lines = results.frame["case"].unique(), []

@@ -1,8 +1,8 @@
 """Store the scores of a study in one SQLite file, with one transaction per unit of work.
 
 The table `cases` contains one row per run of an estimator. The scores of a run are stored as the
-bytes of a float64 matrix (parameters, columns), because reading a million rows of text would take
-minutes. Other programs can read the scores from scores.csv. The table `variants` contains the
+bytes of a float64 matrix (parameters, columns), because a million rows of text would take minutes
+to read. Other programs can read the scores from scores.csv. The table `variants` contains the
 properties that all runs of one estimator on one scenario share. The table `traces` contains the
 trajectories for figures of single runs. The table `meta` contains the column names, the versions
 and the last study.

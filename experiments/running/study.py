@@ -127,8 +127,8 @@ class Unit:
     done : frozenset of str
         Identifiers of finished runs, which are skipped.
     error : str
-        Error message if the unit consists of a single run that is known to fail. This run is stored
-        as failed without being repeated.
+        Error message if the unit consists of a single run that is known to fail. A run with an
+        error message is stored as failed without being repeated.
     """
 
     scenario: Scenario

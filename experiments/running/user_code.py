@@ -98,7 +98,7 @@ def reported(
         Location of the error for the message, such as "in its constructor" or "on fm_step-v1, seed
         1000".
     first : int
-        Index of the first sample that the estimator processes in this context.
+        Index of the first sample that the estimator processes in the context.
     period : float
         Sampling period [s].
     refusing : bool
@@ -204,7 +204,7 @@ class PipeEstimator:
     period : float
         Sampling period [s].
     identify : sequence of str
-        Parameters that the scenario identifies. The program can estimate other parameters.
+        Parameters that the scenario identifies. The program can also estimate other parameters.
     output : str
         Name of the measured signal y.
 

@@ -38,7 +38,7 @@ LIMITS = {
     "and the state at the jump. The estimator knows neither the estimated parameters nor the dry "
     "friction after the jump.",
     "lag_bound_single": "Lag at the Cramér–Rao bound, for an estimator that knows the time of the "
-    "jump, the state at the jump, and all parameters except the changed parameter.",
+    "jump, the state at the jump, and all parameters that did not change.",
     "lag_bound_learnt": "Lag at the Cramér–Rao bound, for an estimator that must also estimate "
     "inexactly known parameters from the data before the fault.",
 }

@@ -37,7 +37,7 @@ def detection(
     dict or None
         ``alarms`` is the number of findings. ``false_alarms`` is the number of findings outside the
         windows of all faults. ``calm`` is the time outside the windows of all faults [s], and
-        ``false_alarms_per_1000_s`` is the rate of false alarms during this time. ``delay`` is the
+        ``false_alarms_per_1000_s`` is the rate of false alarms during ``calm``. ``delay`` is the
         mean time from a detected fault to the first finding in the window of the fault [s].
         ``faults`` is the number of faults. ``missed`` is the number of faults without a finding in
         the window of the fault. ``isolated`` is the fraction of detected faults for which the first

@@ -57,12 +57,13 @@ def by_seed(values: ArrayLike, seeds: Labels, points: Labels) -> Array:
     """Combine the values of each seed into one value (m,) to compute a standard error of the mean.
 
     The m combined values have the same mean x̄ as the n values. The scatter of the combined values
-    determines the standard error of x̄. If the runs of a seed deviate by d_i from the means at
-    their sweep points, the combined value for this seed is x̄ + m/n Σ d_i (Cochran, *Sampling
-    Techniques*, third edition, chapters 5 and 9). Differences between sweep points are not random,
-    and therefore do not increase the scatter. If all sweep points have the same seeds, the combined
-    value for a seed is the mean of its values at all sweep points. If any sweep point has a single
-    run, the function treats differences between sweep points as random.
+    determines the standard error of x̄. If d_i are the deviations of the runs of a seed from the
+    means at their sweep points, the combined value for the seed is x̄ + m/n Σ d_i. The formula
+    gives the variance of clustered samples (Cochran, *Sampling Techniques*, third edition, chapters
+    5 and 9). Differences between sweep points are not random, and therefore do not increase the
+    scatter. If all sweep points have the same seeds, the combined value for a seed is the mean of
+    its values at all sweep points. If any sweep point has a single run, the function treats
+    differences between sweep points as random.
 
     Parameters
     ----------
@@ -103,8 +104,8 @@ def median_interval(
     In the normal approximation, the ends of the interval have the ranks (m + 1)/2 ± 1.96 √m/2. The
     ends are interpolated linearly between neighbouring values (Nyblom, Computational Statistics and
     Data Analysis 13, 1992, 33–42). If a seed has several runs, m is the effective sample size
-    (Kish, *Survey Sampling*, 1965, section 8.2). For m independent values, the fraction of values
-    below the median would have the same uncertainty.
+    (Kish, *Survey Sampling*, 1965, section 8.2), which accounts for the correlation between the
+    runs.
 
     Parameters
     ----------
@@ -130,8 +131,8 @@ def rate_interval(counts: ArrayLike, exposure: float, seeds: ArrayLike) -> Inter
 
     The interval is exact for a Poisson process (Garwood, Biometrika 28, 1936, 437–442). If no event
     occurred, the upper end is the one-sided limit, which is 3.0 divided by the exposure. The
-    interval is wider if events occur in clusters. The width then depends on the ratio of the
-    variance to the mean of the counts per seed.
+    interval is wider if events occur in clusters, depending on the ratio of the variance to the
+    mean of the counts per seed.
 
     Parameters
     ----------
@@ -225,9 +226,9 @@ def pseudo_values(statistic: Callable[[Any], float], n: int) -> Array:
     """Return the jackknife pseudo-values (n,) of a statistic of n runs.
 
     The mean of the pseudo-values is the bias-corrected statistic. The scatter of the pseudo-values
-    determines the standard error of the statistic, even if the statistic combines several
-    quantities of the same runs (Tukey, Annals of Mathematical Statistics 29, 1958, 614). The
-    pseudo-values of two statistics of the same runs are paired.
+    determines the standard error of the statistic (Tukey, Annals of Mathematical Statistics 29,
+    1958, 614). The statistic can combine several quantities of the same runs. The pseudo-values of
+    two statistics of the same runs are paired.
 
     Parameters
     ----------
@@ -256,8 +257,8 @@ def sign_p(more: int, less: int) -> float:
     """Return the one-sided p-value of McNemar's exact test for two paired estimators.
 
     The p-value is the probability of at least `more` heads in more + less tosses of a fair coin.
-    The test ignores runs that neither or both of the estimators lose. If the estimators are equally
-    good, each of them loses half of the remaining runs on average.
+    The test uses only runs that exactly one of the two estimators loses. If the estimators are
+    equally good, each of them is the loser in half of these runs on average.
 
     Examples
     --------
@@ -270,9 +271,9 @@ def sign_p(more: int, less: int) -> float:
 def holm_levels(p: ArrayLike, alpha: float) -> Array:
     """Return the significance level of each test by Holm's step-down procedure.
 
-    The procedure rejects a hypothesis if the p-value is at most the level of the test. A confidence
-    interval at this level excludes zero if and only if the hypothesis is rejected. The probability
-    of any wrong rejection is at most `alpha`, even if the tests are dependent.
+    The procedure rejects a hypothesis if the p-value is at most the level of the test. A hypothesis
+    is rejected if and only if the confidence interval at the level of its test excludes zero. The
+    probability of any wrong rejection is at most `alpha`, even if the tests are dependent.
 
     Parameters
     ----------
@@ -285,7 +286,8 @@ def holm_levels(p: ArrayLike, alpha: float) -> Array:
     -------
     ndarray (m,)
         Level of each test: alpha/m for the smallest p-value, alpha/(m − 1) for the next p-value,
-        and so on. After the first hypothesis that is not rejected, the level remains constant.
+        and so on. After the first hypothesis that is not rejected, the level of all further tests
+        is constant.
 
     Examples
     --------

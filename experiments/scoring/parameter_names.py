@@ -50,8 +50,8 @@ def started_nominal(scenario: Scenario) -> dict[str, float]:
     """Return the nominal values that an estimator receives.
 
     For identified parameters, a nominal value is the true initial value times the factor `start`.
-    For other parameters, a nominal value is the true initial value times a factor from `known`, if
-    this factor is given. The nominal values also include data-sheet values. Estimators do not know
+    For other parameters, a nominal value is the true initial value times the factor in `known`,
+    which is 1 by default. The nominal values also include data-sheet values. Estimators do not know
     which nonlinear laws act on the axis. Therefore the parameters of a nonlinear law are included
     only if `known` contains them.
     """
@@ -88,7 +88,7 @@ def check_model(scenario: Scenario) -> None:
     if not has_model(scenario):
         raise ScenarioError(
             f"{scenario.name}: estimators have no model {scenario.model} with the parameters "
-            f"{', '.join(scenario.nominal)}. Estimates and bounds need a model with these "
+            f"{', '.join(scenario.nominal)}. Estimates and bounds need a model with all of these "
             "parameters. Add a model to estimators/models/axes.py (see docs/extending.md). The "
             "command `flexaxis simulate` needs no model"
         )

@@ -75,16 +75,16 @@ def tracking(scenario: Scenario, seed: int, estimator: Any) -> Mapping[str, floa
     seed : int
         Random seed of the fault onset and of the noise.
     estimator : Estimator
-        Estimator in its initial state. The controller uses the estimates of this estimator.
+        Estimator in its initial state, which provides the parameters of the controller.
 
     Returns
     -------
     mapping of str to float, or None
-        ``frozen``, ``told`` and ``estimated`` are rms tracking errors with the fault [rad]. The
-        controller uses nominal, true and estimated parameters, respectively. ``without_fault`` is
-        the rms tracking error without the fault [rad]. ``limited`` is the number of samples at
-        which the estimates were limited. The function returns None if the scenario has no adaptive
-        feed-forward or no fault.
+        ``frozen``, ``told`` and ``estimated`` are the rms tracking errors with the fault for a
+        controller with nominal, true and estimated parameters, respectively [rad].
+        ``without_fault`` is the rms tracking error without the fault [rad]. ``limited`` is the
+        number of samples at which the estimates were limited. The function returns None if the
+        scenario has no adaptive feed-forward or no fault.
     """
     if scenario.controller.adapt is None or not scenario.fault:
         return None

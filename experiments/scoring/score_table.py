@@ -283,9 +283,9 @@ SCORES: Mapping[str, Score] = {
         Score(
             "detection",
             detection.detection_of,
-            "Detection of faults by the estimator: alarms and false alarms per run, false alarms "
-            "per 1000 s, delay, fraction of missed faults, and fraction of detected faults for "
-            "which the estimator names the correct parameter.",
+            "Fault detection by the estimator: alarms and false alarms per run, false alarms per "
+            "1000 s, delay, fraction of missed faults, and fraction of detected faults that are "
+            "attributed to the correct parameter.",
             pool=pooling.detections([*detection.ALARMS]),
             parts=detection.ALARMS,
             shared=True,

@@ -127,9 +127,9 @@ class Track:
     def lost(self) -> int | None:
         """Index of the sample at which the run diverges, or None if the run does not diverge.
 
-        A parameter of a nonlinear law has no lower limit, because the axis can lack this
-        nonlinearity. A nonlinear-law parameter that `identify` does not contain has no upper limit
-        either.
+        A parameter of a nonlinear law has no lower limit, because the axis may lack the
+        nonlinearity. If `identify` does not contain the parameter of a nonlinear law, there is no
+        upper limit either.
         """
         law = [name in LAW_NAMES for name in self.names]
         besides = [name in LAW_NAMES and name not in self.scenario.identify for name in self.names]

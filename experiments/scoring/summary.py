@@ -27,7 +27,7 @@ NUMBERS = (
     "cost.seconds",
     "onset",
 )
-"""Numeric columns of a row of scores, in the order in which the columns are stored."""
+"""Names of the numeric columns, in the order in which the columns are stored."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +71,7 @@ def scored(
         the scores, and `cost` is the last column.
     written : Scenario, optional
         Scenario without a random onset. The trajectories of all runs are shifted to the fault onset
-        in this scenario.
+        in `written`.
     """
     late = later(track.scenario, written or track.scenario)
     with np.errstate(over="ignore", invalid="ignore"):  # a diverged run may have any values

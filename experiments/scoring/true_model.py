@@ -88,7 +88,7 @@ DRY = ("friction", "lugre", "static_friction", "gear_friction")
 
 
 def describes(scenario: Scenario) -> bool:
-    """Return whether a model for estimators with true parameters describes the records exactly."""
+    """Return whether a model with true parameters describes the records of a scenario exactly."""
     tables = scenario.tables
     known = has_model(scenario) and all(t.exact or key in DESCRIBED for key, t in tables.items())
     return known and sum(key in tables for key in DRY) <= 1
@@ -155,7 +155,7 @@ def sizes(scenario: Scenario, names: Sequence[str], theta: Array) -> Array:
     """Return the scales (p,) of the parameters θ (p,), relative to which priors are defined.
 
     The scale of a parameter is its value in `theta`. If the value is zero, the scale is the initial
-    value of the parameter. For the two cogging coefficients, the scale is then the initial cogging
+    value of the parameter. If a cogging coefficient is zero, its scale is the initial cogging
     amplitude.
     """
     nominal = np.array(list(scenario.initial.values()))

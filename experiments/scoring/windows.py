@@ -57,7 +57,7 @@ def windows(scenario: Scenario, names: Sequence[str]) -> list[Window]:
     A window starts at the fault. If the excitation pauses when the fault occurs, the window starts
     when the excitation returns. A window ends after 5 s, at the next event, or at the end of the
     record. Several changes of a parameter during one pause have a common window, and `D` is the
-    size of the total change. If the parameter is not estimated, `D` is NaN. The window is then used
+    size of the total change. If the parameter is not estimated, `D` is NaN, and the window is used
     only for the cross-talk of other parameters.
     """
     return list(_windows(scenario, tuple(names)))
@@ -94,9 +94,9 @@ def _size(before: float, after: float, changed: str, names: Sequence[str]) -> fl
 def claimed_at(scenario: Scenario) -> int:
     """Return the index of the sample at which the covariance of an estimator is recorded.
 
-    This sample is the last sample of the last full second before the first fault. If there is no
-    fault, or if the fault occurs in the first second, the covariance is recorded at the last sample
-    of the run.
+    The covariance is recorded at the last sample of the last full second before the first fault. If
+    there is no fault, or if the fault occurs in the first second, the covariance is recorded at the
+    last sample of the run.
     """
     events, second = scenario.events(), sample_index(1.0, scenario.period)
     whole = events[0].index // second * second if events else 0

@@ -1,7 +1,7 @@
 """An estimator of the motor friction f_m, which uses only NumPy and SciPy.
 
-This template works without changes. The estimator predicts the output with the current estimate,
-and corrects the estimate with recursive least squares. The comments (1) to (3) mark good places for
+The template works without changes. The estimator predicts the output with the current estimate, and
+corrects the estimate with recursive least squares. The comments (1) to (3) mark good places for
 your first changes.
 
     flexaxis check my_estimator.py:Mine
