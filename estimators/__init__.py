@@ -1,10 +1,11 @@
-"""Estimators of physical parameters from the torque and the motor's angle or speed.
+"""Estimators of the physical parameters of an axis from motor torque and motor angle or speed.
 
-No module of this subpackage imports the rest of the package or uses the true parameters, so the
-estimators also run on logs of a real axis. An estimator uses u[k], y[k] and prior knowledge
-(`problem`), and returns θ[k] and detected changes (`protocol`). `models` describes axes, `filters`
-and `glr` process samples one by one, and `offline` processes whole records. `methods` contains the
-estimators, and `registry` lists them by name.
+The modules in `estimators` never read the true parameters and import no other part of the package,
+so the estimators also run on logs of a real axis. An estimator receives the torque u[k], the output
+y[k] and prior knowledge (`problem`). An estimator returns the parameter estimate θ[k] and the
+detected parameter changes (`protocol`). `models` describes the axes. `filters` and `glr` process
+samples one by one, and `offline` processes whole records. `methods` contains the estimators, and
+`registry` lists the estimators by name.
 """
 
 import sys
@@ -50,10 +51,10 @@ def __getattr__(name: str) -> object:
 
 
 class _Listing(ModuleType):
-    """The type of this module: calling the module lists the estimators."""
+    """Module type that makes `flexaxis.estimators` callable; a call lists the estimators."""
 
     def __call__(self, *, find: str = "") -> list[dict[str, str]]:
-        """Return the name and card (summary) of each estimator that contains the text ``find``."""
+        """Return names and cards (summaries) of all estimators that contain the text ``find``."""
         from flexaxis.estimators.registry import REGISTRY
 
         lines = [{"name": entry.name, "card": entry.summary} for entry in REGISTRY.values()]

@@ -5,24 +5,24 @@ from difflib import get_close_matches
 
 
 class EstimatorError(ValueError):
-    """Error for incorrect use of an estimator or a model; the message states what is allowed."""
+    """Incorrect use of an estimator or a model; the error message states what is allowed."""
 
 
 def did_you_mean(word: str, allowed: Iterable[str]) -> str:
     """
-    Return the end of an error message that suggests the nearest allowed word and lists all.
+    Return the end of an error message, which suggests the closest allowed word.
 
     Parameters
     ----------
     word : str
         The unknown word.
     allowed : iterable of str
-        The words that are accepted.
+        All words that are allowed instead of ``word``.
 
     Returns
     -------
     str
-        End of the message, such as ``"did you mean 'f_m'? Allowed: f_m, k_T"``.
+        End of the error message, such as ``"did you mean 'f_m'? Allowed: f_m, k_T"``.
     """
     allowed = list(allowed)
     near = get_close_matches(word, allowed, n=1, cutoff=0.5)

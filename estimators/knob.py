@@ -1,4 +1,4 @@
-"""The knob of an estimator (the option that trades speed against noise) and its tuned settings."""
+"""The tuning parameter of an estimator, a trade-off between fast and low-noise estimates."""
 
 import math
 import re
@@ -19,24 +19,24 @@ TRANSFORMS: Mapping[str, Callable[[float], float]] = {
     "1-": lambda x: 1 - x,
     "1/": lambda x: 1 / x if x else math.inf,
 }
-"""Functions that convert an option's value to a knob position; each is its own inverse."""
+"""Functions that convert an option value to a tuning position; each function is its own inverse."""
 
 
 @dataclass(frozen=True)
 class Knob:
     """
-    An option expressed as a position: a higher position makes estimates faster and noisier.
+    The tuning parameter of an estimator; a higher position makes estimates faster and noisier.
 
     Attributes
     ----------
     name : str
-        Name of the option.
+        Name of the option that serves as tuning parameter.
     transform : {"", "1-", "1/"}
-        Name of the conversion from the value of the option to the position.
+        Name of the function that converts between option value and position.
     usual : float
-        Position of the option's default.
+        Position that corresponds to the default value of the option.
     least, most : float
-        Lowest and highest position.
+        Lowest and highest allowed position.
     """
 
     name: str
@@ -46,37 +46,39 @@ class Knob:
     most: float
 
     def at(self, position: float) -> dict[str, float] | None:
-        """Return the option's name and value at a position, or None if it is out of range."""
+        """Return option name and value at a position, or None if the position is out of range."""
         if not self.least <= position <= self.most:
             return None
         return {self.name: self.value(position)}
 
     def value(self, position: float) -> float:
-        """Return the value of the option at a position."""
+        """Return the option value that corresponds to a position."""
         return TRANSFORMS[self.transform](position)
 
     position = value
-    """Return the position of a value: each transform is its own inverse, so `value` does both."""
+    """Return the position of an option value; each transform is its own inverse."""
 
 
 def make_knob(declared: Any, defaults: Mapping[str, Any]) -> Knob:
     """
-    Return the knob that an estimator declares.
+    Return the tuning parameter that an estimator declares in its attribute ``knob``.
 
     Parameters
     ----------
     declared : str
-        Declaration of the knob: ``"gain"`` for an option that increases with speed, ``"1-lam"`` for
-        a forgetting factor λ with the position 1−λ, and ``"1/window"`` for an option that decreases
-        with speed. A name alone is also treated as a forgetting factor if its default is in
-        [0.9, 1).
+        Declaration of the tuning parameter. ``"gain"`` declares an option whose larger values make
+        the estimates faster. ``"1-lam"`` declares a forgetting factor λ with the position 1−λ.
+        ``"1/window"`` declares an option whose larger values make the estimates slower. A
+        declaration that consists of a name alone also means a forgetting factor if the default of
+        this option lies in [0.9, 1).
     defaults : mapping
-        Options of the estimator, with their defaults.
+        Names and default values of the estimator options.
 
     Raises
     ------
     EstimatorError
-        If the declaration does not name an option with a suitable default.
+        If the declaration names no option of the estimator, or an option with an unsuitable
+        default.
 
     Examples
     --------
@@ -85,12 +87,14 @@ def make_knob(declared: Any, defaults: Mapping[str, Any]) -> Knob:
     """
     read = re.fullmatch(r"(1-|1/)?\s*(\w+)", str(declared).strip())
     if read is None:
-        raise EstimatorError(f'its `knob` is {declared!r}; write "gain", "1-lam" or "1/window"')
+        raise EstimatorError(
+            f'its `knob` is {declared!r}, but needs a form like "gain", "1-lam" or "1/window"'
+        )
     transform, name = read[1] or "", read[2]
     value = defaults.get(name)
     if isinstance(value, bool) or not isinstance(value, int | float) or not value > 0:
         raise EstimatorError(
-            f"its `knob` {name!r} is not an option whose default is a number above 0: "
+            f"its `knob` {name!r} is not an option with a positive number as default: "
             + did_you_mean(name, [n for n, v in defaults.items() if isinstance(v, int | float)])
         )
     if not transform and FORGETS <= value < 1:
@@ -100,23 +104,27 @@ def make_knob(declared: Any, defaults: Mapping[str, Any]) -> Knob:
     if transform == "1-":
         most = min(most, math.nextafter(1.0, 0.0))
         if not 0 < usual < 1:
-            raise EstimatorError(f"its `knob` {declared!r} needs a default between 0 and 1")
+            raise EstimatorError(
+                f"the option in its `knob` {declared!r} needs a default between 0 and 1"
+            )
     return Knob(name, transform, usual, usual / FARTHEST, most)
 
 
 @lru_cache
 def tunings() -> Mapping[str, Mapping[str, Any]]:
     """
-    Return the tuned settings in ``tuned.toml``, by the name of the estimator.
+    Return the tuned settings from ``tuned.toml``, keyed by estimator name.
 
-    A setting has the keys ``estimator``, ``knob`` (name of the option), ``value``, ``setting`` (in
-    the format of ``--estimator``), ``match`` (the matched noise: "excess" for the excess prediction
-    error, or the name of the parameter whose standard deviation was matched), ``ratio`` (the
-    matched noise divided by that of `rpem-forgetting` with λ = 0.995; for the excess error, the
-    square root of this quotient), ``command`` (the command that determined the setting), ``model``
-    (``"n1"``, the nominal axis), ``identify`` (identified parameters), ``period`` [s] and ``noise``
-    (standard deviation of the noise of y during tuning [rad/s]). A setting is used at any noise
-    level.
+    Each tuned setting is a table with several keys. The keys ``estimator``, ``knob`` and ``value``
+    name the estimator, the tuned option and its value. The key ``setting`` contains the tuned
+    setting in the format of the option ``--estimator``. The key ``match`` names the noise measure
+    that was matched to `rpem-forgetting` with λ = 0.995. The value of ``match`` is "excess" for the
+    excess prediction error, or the name of the parameter whose standard deviation was matched. The
+    key ``ratio`` contains the matched noise divided by the noise of `rpem-forgetting`, or the
+    square root of this ratio for the excess prediction error. The key ``command`` contains the
+    command that determined the setting. The keys ``model`` (``"n1"``, the nominal axis),
+    ``identify``, ``period`` [s] and ``noise`` (standard deviation of the noise in y [rad/s])
+    describe the tuning conditions. The program uses a tuned setting at every noise level.
     """
     text = files("flexaxis.estimators").joinpath("tuned.toml").read_text(encoding="utf-8")
     return {table["estimator"]: table for table in tomllib.loads(text)["tuned"]}

@@ -1,4 +1,4 @@
-"""The task of an estimator: the parameters to estimate, and the prior knowledge."""
+"""The estimation problem, with the parameters to estimate and the prior knowledge."""
 
 import warnings
 from collections.abc import Mapping, Sequence
@@ -36,38 +36,38 @@ Nominal = Mapping[str, float] | Model
 @dataclass(frozen=True, eq=False)
 class Problem:
     """
-    A task for an estimator.
+    A problem that an estimator has to solve.
 
     Parameters
     ----------
     nominal : mapping of str to float, or Model
-        Nominal values of the paper's axis, including data-sheet values, or a model.
+        Nominal parameter values of the paper's axis, including data-sheet values, or an axis model.
     period : float
         Sampling period [s].
     identify : sequence of str
-        Names of the parameters to estimate, or their inverses.
+        Names of the parameters or inverse parameters to estimate.
     output : str
-        Name of the signal y in `flexaxis.estimators.signals.SIGNALS`.
+        Name of the output signal y, as listed in `flexaxis.estimators.signals.SIGNALS`.
     P0 : (p,) or (p, p) array_like, optional
-        Initial matrix P(0) or its diagonal.
+        Initial matrix P(0) or the diagonal of P(0).
     torque : (N,) array_like, optional
-        Torque of a nominal run [N m], used to compute P(0) by the paper's recipe and the expected
-        size of friction.
+        Motor torque of a nominal motion [N m], from which the paper's recipe computes P(0). The
+        torque also determines the expected magnitude of friction.
     noise : float, optional
-        Standard deviation of the noise of y, in the unit of y.
+        Standard deviation of the noise in y, in the unit of y.
     bounds : (lower, upper), optional
-        Bounds of θ; the filter's default bounds if omitted.
+        Lower and upper bounds of θ; by default, the filter's own bounds.
 
     Attributes
     ----------
     model : Model
-        Model passed as ``nominal``, or the linear model of the paper's axis.
+        Axis model passed as ``nominal``, or the linear model of the paper's axis.
 
     Raises
     ------
     EstimatorError
-        If the period, output or noise is invalid. Names and P(0) are checked later, because an
-        estimator may add laws to the model.
+        If the period, output or noise is invalid. Parameter names and P(0) are checked later,
+        because an estimator can add torque laws to the model.
     """
 
     nominal: Nominal
@@ -81,10 +81,10 @@ class Problem:
     bounds: tuple[ArrayLike, ArrayLike] | None = None
 
     def __post_init__(self) -> None:
-        above_zero("period", self.period, "the sampling period in seconds")
+        above_zero("period", self.period, "the sampling period [s]")
         unit = find_signal(self.output).unit
         if self.noise is not None:
-            above_zero("noise", self.noise, f"the standard deviation of y in {unit}")
+            above_zero("noise", self.noise, f"the standard deviation of the noise in y [{unit}]")
 
     @cached_property
     def model(self) -> Model:  # noqa: D102
@@ -92,17 +92,17 @@ class Problem:
 
     @property
     def asked(self) -> dict[str, Any]:
-        """Options that every filter accepts: ``identify, period, output, noise, bounds``."""
+        """Options ``identify, period, output, noise, bounds``, which every filter accepts."""
         names = ("identify", "period", "output", "noise", "bounds")
         return {name: getattr(self, name) for name in names}
 
     @property
     def theta(self) -> Array:
-        """Initial estimate θ(0) (p,)."""
+        """Initial parameter estimate θ(0) (p,)."""
         return self.model.parametrize(self.identify).theta
 
     def tuned(self, name: str) -> float | None:
-        """Return the tuned value of an estimator's knob for this axis, or None if there is none."""
+        """Return an estimator's tuned option value for the axis, or None without tuning."""
         tuned = tunings().get(name)
         if (
             tuned
@@ -114,16 +114,17 @@ class Problem:
         return None
 
     def factor(self, name: str, forgetting: float | None) -> float:
-        """Return λ (specified, tuned or default); warn if its memory is short for the axis."""
+        """Return the specified, tuned or default λ; warn if λ is too small for the axis."""
         usual = self.tuned(name) if forgetting is None else forgetting
         weight = forgetting_factor(usual, self.period)
         rates = np.abs(moving_poles(self.model).real)
         memory, slowest = self.period / max(1 - weight, 1e-300), 1 / rates.min(initial=np.inf)
         if memory < SHORT * slowest:
             warnings.warn(
-                f"{name} has a memory of {memory:.3g} s (forgetting {weight:g}), but the slowest "
-                f"pole of the axis has a time constant of {slowest:.3g} s. The estimates may "
-                f"diverge; set forgetting={1 - self.period / slowest:.6g} or more, or use glr",
+                f"the estimator {name} has a memory of {memory:.3g} s (forgetting {weight:g}), but "
+                f"the slowest pole of the axis has a time constant of {slowest:.3g} s. The "
+                f"estimates can diverge; set forgetting={1 - self.period / slowest:.6g} or more, "
+                "or use the estimator glr",
                 stacklevel=2,
             )
         return weight
@@ -132,15 +133,16 @@ class Problem:
         """
         Return P(0).
 
-        P(0) is the attribute ``P0`` if it is set. Otherwise the paper's recipe computes P(0) from
-        the torque of a nominal run. Without a torque, the stored P(0) of the nominal axis is used.
+        If the attribute ``P0`` is set, P(0) has this value. Otherwise the paper's recipe computes
+        P(0) from the torque of a nominal motion. If no torque is given, the method returns the
+        stored P(0) of the nominal axis.
 
         Parameters
         ----------
         scale : float
-            Factor by which Δ of eq. (32) is multiplied.
-        **time_update
-            The recipe's option ``forgetting`` or ``drift``.
+            Factor that multiplies the covariance Δ of equation (32).
+        **time_update : float or array_like
+            Option ``forgetting`` or ``drift`` of the paper's recipe.
         """
         from flexaxis.estimators.offline import priors
 
@@ -165,22 +167,22 @@ class Problem:
         if known is not None:
             return known
         raise EstimatorError(
-            f"P(0) is known only for {', '.join(PAPER)} of the nominal axis at 5 ms; for another "
-            "axis, other parameters or another period, specify P0 or the torque of a nominal run, "
-            "from which P(0) is computed"
+            f"P(0) is known only for {', '.join(PAPER)} of the nominal axis with a sampling period "
+            "of 5 ms; for another axis, other parameters or another period, specify P0 or the "
+            "torque of a nominal run, which determines P(0)"
         )
 
     def forgetting_options(self, name: str, forgetting: float | None) -> dict[str, Any]:
-        """Return the options of `asked`, together with λ and P(0), for a method with forgetting."""
+        """Return the options in `asked`, λ and P(0) for a method with a forgetting factor."""
         weight = self.factor(name, forgetting)
         return self.asked | {"forgetting": weight, "P0": self.initial_P(forgetting=weight)}
 
     def torque_noise(self, model: Model) -> dict[str, float]:
         """
-        Return the initial torque noise for `joint_arrays`; empty if y is not an angle.
+        Return the torque noise settings for `joint_arrays`, or {} if y is not an angle.
 
-        The result contains the index of the state that the torque drives, and the variance that the
-        noise adds to this state per sample.
+        The settings contain the index of the state that the motor torque drives, and the variance
+        that the torque noise adds to this state in every sample.
         """
         if self.output != "angle":
             return {}
@@ -192,14 +194,15 @@ class Problem:
 
     def walk_design(self, name: str, usual: float, *, walk: float | None, spread: float) -> Design:
         """
-        Return the design of a Kalman filter with a random walk of θ, relative to θ(0).
+        Return the design of a Kalman filter that models θ as a random walk.
 
-        ``walk`` is the standard deviation of the random walk after one second. If it is None, the
-        tuned value is used, or ``usual`` if no tuned value exists.
+        The argument ``walk`` is the standard deviation of the random walk after one second,
+        relative to θ(0). If ``walk`` is None, the method uses the tuned value, or ``usual`` for an
+        axis without a tuned value.
         """
         if walk is None:
             walk = self.tuned(name) or usual
-        above_zero("walk", walk, "the standard deviation of θ after a second, relative to θ(0)")
-        above_zero("spread", spread, "the standard deviation of θ(0), relative to θ(0)")
+        above_zero("walk", walk, "the random walk after one second, relative to θ(0),")
+        above_zero("spread", spread, "the relative standard deviation of θ(0)")
         prior, drift = (spread * self.theta) ** 2, self.period * (walk * self.theta) ** 2
         return make_design(self.model, **self.asked, P0=prior, drift=drift, corrects=True)

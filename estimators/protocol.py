@@ -1,7 +1,7 @@
 """
-The interface of an estimator, and the report of a detected change.
+The interface of an estimator, and the report of a detected parameter change.
 
-The protocol is structural, so a user's class does not have to import anything from this package.
+`Estimator` is a structural protocol, so a user's class does not have to import the package.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,26 +16,28 @@ from flexaxis.estimators.signals import check_signals
 
 
 class StepError(EstimatorError):
-    """Error for an estimator that does not return one number for each name."""
+    """Error for an estimator that does not return exactly one number for each parameter name."""
 
 
 @runtime_checkable
 class Estimator(Protocol):
     """
-    Any object with the attributes ``names`` and ``output`` and the method ``step``.
+    Any estimator object with the attributes ``names`` and ``output`` and the method ``step``.
 
-    Optional methods and attributes: ``run(u, y, valid=None) -> (N, p)``, a faster equivalent of N
-    steps; ``covariance`` (p, p); ``innovations`` (N, 2), the innovation y − ŷ and its claimed
-    variance for each sample of the last ``run`` (NaN where y was missing); ``alarm`` (bool);
-    ``findings``, a sequence of objects with ``alarm`` (sample) and ``parameters`` (names of the
-    changed parameters); ``reset()``.
+    An estimator can have further methods and attributes. The method ``run(u, y, valid=None) -> (N,
+    p)`` is a faster equivalent of N steps. The method ``reset()`` restores the initial state. The
+    attribute ``covariance`` (p, p) is the claimed covariance. The attribute ``innovations`` (N, 2)
+    contains the innovation y − ŷ and its claimed variance for each sample of the last ``run``, or
+    NaN where y was missing. The attribute ``alarm`` (bool) reports a change in the last sample. The
+    attribute ``findings`` is a sequence of objects with ``alarm`` (sample index) and ``parameters``
+    (names of the changed parameters).
 
     Attributes
     ----------
     names : sequence of str
-        Names of the parameters θ, in the order of the estimates.
+        Names of the parameters θ, in the order in which ``step`` returns the estimates.
     output : str
-        Name of the signal y in `flexaxis.estimators.signals.SIGNALS`.
+        Name of the output signal y, as listed in `flexaxis.estimators.signals.SIGNALS`.
     """
 
     @property
@@ -45,28 +47,30 @@ class Estimator(Protocol):
     def output(self) -> str: ...  # noqa: D102
 
     def step(self, u: float, y: float | None) -> ArrayLike:
-        """Process u[k] and y[k] (None in a gap) and return θ[k] (p,); u[k] first affects y[k+1]."""
+        """Process u[k] and y[k], or None in a gap, and return the parameter estimate θ[k] (p,)."""
 
 
 @dataclass(frozen=True)
 class Finding:
     """
-    A detected change.
+    The report of a detected parameter change.
 
     Attributes
     ----------
     alarm : int
-        Index of the sample at which the change was detected.
+        Index of the sample at which the estimator detected the change.
     onset : int
-        Index of the last sample with the old parameters.
+        Index of the last sample before the parameter change.
     parameters : tuple of str
-        Names of the changed parameters; empty if no hypothesis explains the change.
+        Names of the changed parameters, or an empty tuple if the estimator cannot attribute the
+        change to a parameter.
     ratio : tuple of float
-        New value divided by the old value, for each parameter.
+        For each changed parameter, the new value divided by the old value.
     reason : str
-        Reason why ``parameters`` is empty; an empty string otherwise.
+        Reason why ``parameters`` is empty, or an empty string if ``parameters`` is not empty.
     interval : tuple of (float, float)
-        95 % confidence interval of each ratio; empty if the estimator claims none.
+        95 % confidence interval of each ratio, or an empty tuple if the estimator claims no
+        interval.
     """
 
     alarm: int
@@ -81,26 +85,27 @@ def run_estimator(
     estimator: Estimator, u: ArrayLike, y: ArrayLike, valid: ArrayLike | None = None
 ) -> NDArray[np.float64]:
     """
-    Run an estimator over N samples with its own ``run`` if available, otherwise step by step.
+    Run an estimator over N samples with its method ``run``, or with ``step`` if it has no ``run``.
 
     Parameters
     ----------
     estimator : Estimator
-        Estimator to run. Afterwards it is in the state after the last sample.
+        Estimator that processes the samples. After the call, the estimator is in the state after
+        the last sample.
     u, y : (N,) array_like
-        Torque and measured output.
+        Motor torque and measured output.
     valid : (N,) array_like of bool, optional
-        False where y is missing; True everywhere by default.
+        Mask that is False where y is missing; by default, y is valid in all samples.
 
     Returns
     -------
     (N, p) array
-        Estimates θ[0], θ[1], …
+        Parameter estimates θ[0], θ[1], … after each sample.
 
     Raises
     ------
     EstimatorError
-        If the signals are invalid, or the estimator does not return numbers.
+        If the signals are invalid, or if the estimator does not return numbers.
     """
     u, y, present = check_signals(u, y, valid)
     run = getattr(estimator, "run", None)
@@ -123,16 +128,16 @@ def theta_of(
     returned: ArrayLike, names: Sequence[str], estimator: Estimator
 ) -> NDArray[np.float64]:
     """
-    Convert the result of an estimator's step to floats, one for each name.
+    Convert the value returned by an estimator's ``step`` to one float for each parameter.
 
     Parameters
     ----------
     returned : (p,) array_like
-        Result of a step; may be a scalar if p is 1.
+        Value returned by ``step``, which can be a scalar if p is 1.
     names : sequence of str
-        Names of the p parameters.
+        Names of the p estimated parameters.
     estimator : Estimator
-        Estimator that returned the result, used in the message.
+        Estimator that returned the value, which the error message names.
 
     Returns
     -------
@@ -141,31 +146,31 @@ def theta_of(
     Raises
     ------
     StepError
-        If the result is not numeric, or has the wrong number of values.
+        If the returned value is not numeric, or has the wrong number of elements.
     """
     theta = numbers_of(returned, estimator.step)
     if returned is not None and theta.size == len(names):
         return theta.reshape(-1)
     several = "nothing" if returned is None else f"{theta.size} number{'s'[: theta.size != 1]}"
-    told = f"step returned {several}, names has {len(names)}: {', '.join(names)}"
+    told = f"step returned {several}, but there are {len(names)} names: {', '.join(names)}"
     raise StepError(told + _place(estimator.step))
 
 
 def numbers_of(returned: ArrayLike, call: Callable[..., object]) -> NDArray[np.float64]:
     """
-    Convert the result of a call to floats, with NaN for masked elements.
+    Convert the value returned by a call to floats, with NaN for masked elements.
 
     Parameters
     ----------
     returned : array_like
-        Result of the call.
+        Value that the call returned.
     call : callable
-        Function that returned the result, used in the message.
+        Function that returned the value, which the error message names.
 
     Raises
     ------
     StepError
-        If the result is not numeric.
+        If the returned value is not numeric.
     """
     try:
         return np.asarray(np.ma.filled(returned, np.nan), float)

@@ -1,4 +1,4 @@
-"""The registered estimators by name, collected from `ENTRIES` in the modules of methods/."""
+"""All registered estimators, collected from `ENTRIES` in the modules of `methods`."""
 
 import inspect
 import pkgutil
@@ -22,29 +22,30 @@ GIVEN = ("identify", "output", "P0", "torque", "bounds", "onsets")  # set by the
 @dataclass(frozen=True)
 class Entry:
     """
-    A registered estimator.
+    The registry entry of an estimator.
 
     Attributes
     ----------
     name : str
         Name of the estimator.
     summary : str
-        One-line description for lists and reports.
+        One-line description of the estimator for lists and reports.
     make : callable
-        Function ``make(problem, *, <own options>)`` that constructs the estimator from a
+        Function ``make(problem, *, <own options>)`` that constructs the estimator for a
         `flexaxis.estimators.problem.Problem`.
     knob : str or None
-        Declaration of the tuning parameter, as in `flexaxis.estimators.knob.make_knob`.
+        Declaration of the tuning parameter, in the format of `flexaxis.estimators.knob.make_knob`.
     default : float or None
-        Default of the tuning parameter on an axis without tuned values. A forgetting factor is
-        given for a period of 5 ms; other periods use the same time constant.
+        Default of the tuning parameter for an axis without tuned values. The default of a
+        forgetting factor refers to a sampling period of 5 ms; other periods use the same time
+        constant.
     rank : float
-        Sort key for lists and plot colours.
+        Sort key of the estimator for lists and plot colours.
     laws : bool
-        Whether the estimator can identify parameters of friction and other laws. Other estimators
-        identify only parameters of the linear model.
+        Whether the estimator can identify parameters of friction and other nonlinear torques. All
+        other estimators identify only parameters of the linear model.
     told_noise : bool
-        Whether the estimator uses a known noise level of y.
+        Whether the estimator uses the noise level of y if this level is known.
     """
 
     name: str
@@ -59,13 +60,13 @@ class Entry:
     @cached_property
     def factory(self) -> Callable[..., "Estimator"]:
         """
-        Function that constructs the estimator from plain values.
+        Function that constructs the estimator from nominal values, period and options.
 
-        Its signature is ``factory(nominal, period, *, identify, output, P0, torque, noise, bounds,
-        <options>)``. ``nominal`` maps the physical parameters of the paper's axis to values, or is
-        another model that contains its own values. These values determine θ(0). ``P0`` is the
-        initial matrix P(0); methods without P(0) ignore it. By default, the paper's recipe computes
-        P(0) from ``torque``, the (N,) torque of a nominal run.
+        The signature is ``factory(nominal, period, *, identify, output, P0, torque, noise, bounds,
+        <options>)``. The argument ``nominal`` maps the physical parameters of the paper's axis to
+        values, or is a model with its own nominal values. The nominal values determine θ(0). The
+        argument ``P0`` is the initial matrix P(0), which methods without P(0) ignore. By default,
+        the paper's recipe computes P(0) from ``torque``, the motor torque (N,) of a nominal motion.
         """
         own = [*inspect.signature(self.make).parameters.values()][1:]
         every = inspect.signature(Problem).parameters
@@ -82,7 +83,7 @@ class Entry:
 
     @property
     def options(self) -> Mapping[str, Any]:
-        """Names of the options, with their defaults on the nominal axis."""
+        """Names of the estimator options, and their default values on the nominal axis."""
         parameters = inspect.signature(self.factory).parameters.values()
         options = {
             p.name: p.default
@@ -97,18 +98,18 @@ class Entry:
 
     @property
     def turning(self) -> Knob | None:
-        """The estimator's knob, centred on the tuned setting; None if the estimator has no knob."""
+        """Tuning parameter of the estimator, or None if the estimator has no tuning parameter."""
         return make_knob(self.knob, self.options) if self.knob else None
 
 
 class _Unknown(EstimatorError, KeyError):
-    """Error for an unknown name: a KeyError, as usual for mappings, with a readable message."""
+    """A KeyError for an unknown estimator name, with a readable error message."""
 
     __str__ = Exception.__str__  # KeyError.__str__ would show the repr of the message
 
 
 class _Registry(Mapping[str, Entry]):
-    """Entries by name, sorted by rank; their modules are imported on first use."""
+    """Registry entries by estimator name, sorted by rank; the first access imports `methods`."""
 
     def __getitem__(self, name: str) -> Entry:
         if name not in _entries():
@@ -124,9 +125,9 @@ class _Registry(Mapping[str, Entry]):
 
 REGISTRY: Mapping[str, Entry] = _Registry()
 """
-All registered estimators: the `ENTRIES` of the modules of `flexaxis.estimators.methods`.
+All registered estimators, from the `ENTRIES` of the modules in `flexaxis.estimators.methods`.
 
-An unknown name raises an error that is both an `EstimatorError` and a `KeyError`.
+An unknown estimator name raises an error that is both an `EstimatorError` and a `KeyError`.
 """
 
 

@@ -1,4 +1,4 @@
-"""The signals that an estimator can read, the models of these signals, and checks of samples."""
+"""The output signals that an estimator can process, with signal models and sample checks."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -16,11 +16,11 @@ Array = NDArray[np.float64]
 
 def increment(model: Model, period: float) -> Model:
     """
-    Return the model whose output is the mean speed (φ[k]−φ[k−1])/T over the last sample.
+    Return a model whose output is the mean motor speed (φ[k]−φ[k−1])/T over the last sample.
 
-    An additional state, which is reset to zero at the start of every sample, integrates the speed.
-    The increment of the angle is therefore modelled exactly. Treating the increment as a sampled
-    speed would bias the estimates.
+    An additional state integrates the speed and is reset to zero at the start of every sample. The
+    returned model therefore describes the angle increment exactly. If an estimator treated angle
+    increments as sampled speeds, the estimates would be biased.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ def increment(model: Model, period: float) -> Model:
     Returns
     -------
     Model
-        The model with the additional state ``angle_increment`` and the new output.
+        The given model with the additional state ``angle_increment`` and the mean speed as output.
     """
     state = "angle_increment"
     return replace(
@@ -45,11 +45,11 @@ def increment(model: Model, period: float) -> Model:
 
 def counted_angle(model: Model) -> Model:
     """
-    Return the model whose output is the motor angle relative to its start [rad].
+    Return a model whose output is the motor angle relative to the initial angle [rad].
 
-    The output is an additional state, ``angle_read``, the integral of the speed. A filter that uses
-    this model has to correct its state, because an integrator does not forget errors. The rounding
-    error of an encoder is nearly white on the angle, but not on the increments.
+    The output is the additional state ``angle_read``, which is the integral of the speed. A filter
+    that uses this model has to correct its state, because an integrator does not forget errors. An
+    encoder's rounding error is nearly white noise in the angle, but not in the angle increments.
 
     Parameters
     ----------
@@ -63,21 +63,21 @@ def counted_angle(model: Model) -> Model:
 @dataclass(frozen=True)
 class Signal:
     """
-    A measured signal y that an estimator may read.
+    An output signal y that an estimator can process.
 
     Attributes
     ----------
     name : str
-        Name of the signal.
+        Name of the output signal.
     unit : str
-        Unit of the signal.
+        Unit of the output signal.
     predicted : callable
-        Function ``predicted(model, period)`` that converts a model with speed output to the model
-        that predicts y. For an angle, this model predicts increments, because a predictor does not
-        correct its state.
+        Function ``predicted(model, period)`` that converts a model with speed output to a model
+        that predicts y. For an angle, the converted model predicts angle increments, because a
+        predictor does not correct its state.
     mean_speed : callable
         Function ``mean_speed(period)`` that returns the weights of y[k] and y[k−1] in the mean
-        speed between the two samples.
+        speed between the samples k−1 and k.
     """
 
     name: str
@@ -109,11 +109,11 @@ SIGNALS = {
         ),
     )
 }
-"""The signals by name; an estimator's ``output`` is one of these names."""
+"""The output signals by name; an estimator's attribute ``output`` is one of these names."""
 
 
 def find_signal(output: str) -> Signal:
-    """Return the signal with this name; raise EstimatorError if the name is unknown."""
+    """Return the output signal with the given name; raise EstimatorError for an unknown name."""
     if output not in SIGNALS:
         raise EstimatorError(f"unknown output {output!r}: {did_you_mean(str(output), SIGNALS)}")
     return SIGNALS[output]
@@ -123,16 +123,17 @@ def increments(
     angles: Array, valid: NDArray[np.bool_], before: float, period: float
 ) -> tuple[Array, NDArray[np.bool_], float]:
     """
-    Return the increments (φ[k]−φ[k−1])/T of angles φ (N,), their validity (N,), and the last φ.
+    Return angle increments (φ[k]−φ[k−1])/T (N,), their validity (N,), and the last angle.
 
     Parameters
     ----------
     angles : (N,) array
         Angles φ [rad].
     valid : (N,) bool array
-        Whether each angle is valid. A missing angle makes two increments invalid.
+        For each angle, whether the angle is valid. A missing angle makes two angle increments
+        invalid.
     before : float
-        Angle at the sample before the first one [rad], or NaN.
+        Angle one sample before the first element of ``angles`` [rad], or NaN.
     period : float
         Sampling period T [s].
     """
@@ -145,32 +146,34 @@ def check_signals(
     u: ArrayLike, y: ArrayLike, valid: ArrayLike | None = None
 ) -> tuple[Array, Array, NDArray[np.bool_]]:
     """
-    Return u, y and valid as contiguous, writable arrays of equal length, for compiled code.
+    Check u, y and valid, and return them as contiguous, writable arrays for compiled code.
 
     Parameters
     ----------
     u, y : (N,) array_like
-        Torque and measured output.
+        Motor torque and measured output.
     valid : (N,) array_like of bool, optional
-        False where y is missing; True everywhere by default.
+        Mask that is False where y is missing; by default, y is valid in all samples.
 
     Returns
     -------
     u, y : (N,) arrays
-        Torque and measured output.
+        Motor torque and measured output.
     valid : (N,) bool array
-        Whether each y is valid.
+        Whether the output is valid in each sample.
 
     Raises
     ------
     EstimatorError
-        If the lengths differ, an array is not one-dimensional, or a value is not finite.
+        If the array lengths differ, an array is not one-dimensional, or a value is not finite.
     """
     u, y = np.require(u, float, ["C", "W"]), np.require(y, float, ["C", "W"])
     present = np.ones(y.shape, bool) if valid is None else np.require(valid, bool, ["C", "W"])
     for name, values in (("u", u), ("y", y), ("valid", present)):
         if values.ndim != 1:
-            raise EstimatorError(f"{name} has the shape {values.shape}; give one value per sample")
+            raise EstimatorError(
+                f"the signal {name} has the shape {values.shape}; give one value for each sample"
+            )
         if len(values) != len(u):
             raise EstimatorError(
                 f"u has {len(u)} samples and {name} has {len(values)}; the numbers must be equal"
@@ -179,8 +182,8 @@ def check_signals(
         if not finite.all():
             k = int(np.argmin(finite))
             raise EstimatorError(
-                f"{name} is {values[k]} at sample {k}; every value must be finite "
-                "(mark a gap with valid[k] = False and any finite value)"
+                f"{name} is {values[k]} at sample {k}, but every value must be finite (mark a gap "
+                "with valid[k] = False and any finite value)"
             )
     return u, y, present
 
@@ -189,4 +192,6 @@ def check_sample(u: float, y: float | None) -> None:
     """Raise EstimatorError if u is not finite, or if y is neither finite nor None."""
     for name, value in (("u", u), ("y", 0.0 if y is None else y)):
         if not isfinite(value):
-            raise EstimatorError(f"{name} is {value}; it must be finite (y=None marks a gap)")
+            raise EstimatorError(
+                f"{name} is {value}, but every sample must be finite (y=None marks a gap)"
+            )

@@ -1,20 +1,22 @@
 """
-Estimates that are drawn towards nominal values unless the data contradict these values.
+Parameter estimates that are shrunk towards nominal values unless the data contradict them.
 
-Each parameter that a filter learns increases the variance of the other estimates, even if the
-nominal value of the parameter is correct. Let μ and Σ be the mean and the covariance of all
-parameters, s₀ the nominal values of a group s, and χ² = (μ_s − s₀)ᵀ Σ_ss⁻¹ (μ_s − s₀). The
-conditional estimate for s = s₀ is μ + Σ_·s Σ_ss⁻¹ (s₀ − μ_s). The result is a weighted mean of μ
-and the conditional estimate, which has the weight
+Each additional parameter that a filter estimates increases the variance of all other estimates,
+even if the nominal value of the additional parameter is correct. Let μ and Σ be the mean and
+covariance of all parameters, let s₀ be the nominal values of a parameter group s, and let χ² = (μ_s
+− s₀)ᵀ Σ_ss⁻¹ (μ_s − s₀). The conditional estimate of the parameters for s = s₀ is μ + Σ_·s Σ_ss⁻¹
+(s₀ − μ_s). The shrunk estimate is a weighted mean of μ and the conditional estimate. The following
+formula gives the weight w of the conditional estimate:
 
     w = 1/(1 + exp(½(χ² − c))),
 
-where c is the 95 % quantile of the χ² distribution for the number of parameters in the group. Apart
-from c, these are Akaike's weights (K. P. Burnham and D. R. Anderson, *Model selection and
-multimodel inference*, 2002, §2.9). A wrong nominal value shifts an estimate by at most about √c
-standard deviations; Bayes factors would retain a wrong value far longer. The groups are processed
-one after the other. The filter itself remains unchanged. As in any mixture, each group adds
-w(1 − w) d dᵀ to the covariance, where d is the difference between the two estimates.
+The constant c is the 95 % quantile of the χ² distribution for the number of parameters in the
+group. If c were twice the number of parameters, w would be the Akaike weight in section 2.9 of
+*Model selection and multimodel inference* (Burnham and Anderson, 2002). A wrong nominal value
+shifts an estimate by at most about √c standard deviations. Bayes factors would retain a wrong
+nominal value far longer. The parameter groups are processed one after the other. The shrinkage does
+not change the filter state. As in any mixture, each group adds w(1 − w) d dᵀ to the covariance,
+where d is the difference between μ and the conditional estimate.
 """
 
 from collections.abc import Sequence
@@ -33,26 +35,27 @@ SETTLED = 1e-9  # a conditional variance counts as zero if it is below this frac
 
 class Told(NamedTuple):
     """
-    Nominal values of groups of parameters, and the estimates that are drawn towards these values.
+    Nominal values of parameter groups, and the estimates that are shrunk towards these values.
 
     Attributes
     ----------
     union : (u,) array
-        Indices in θ of the parameters that are tracked or belong to a group.
+        Indices in θ of the parameters that are tracked or belong to a parameter group.
     members, values : (groups, most) arrays
-        Positions in ``union`` of the members of each group, padded with −1, and their nominal
-        values.
+        For each parameter group, the positions of its members in ``union``, padded with −1, and the
+        nominal values of the members.
     limit : (groups,) array
         Quantile c of each group.
     drawn : (u,) array
-        Estimates drawn towards the nominal values.
+        Parameter estimates after shrinkage towards the nominal values.
     mean, column : (u,) arrays
-        Conditional estimate, overwritten for each group, and a column of P, overwritten for each
+        Conditional estimate of the current parameter group, and column of P of the current
         parameter.
     drawn_P, drawn_between : (u, u) arrays
-        Covariance within and between the two estimates; their sum is the covariance of ``drawn``.
+        Weighted mean of the covariances of μ and of the conditional estimate, and covariance due to
+        the difference between these two estimates. The sum is the covariance of ``drawn``.
     P : (u, u) array
-        Covariance of the conditional estimate; overwritten for each group.
+        Covariance of the conditional estimate of the current parameter group.
     """
 
     union: Indices
@@ -71,14 +74,15 @@ def told_arrays(
     tracked: int, groups: Sequence[tuple[Sequence[int], Sequence[float]]]
 ) -> dict[str, NDArray]:
     """
-    Return the arrays that form a `Told`, keyed by name.
+    Return the arrays of a `Told` tuple in a dictionary keyed by array name.
 
     Parameters
     ----------
     tracked : int
         Number of tracked parameters, which are the first elements of θ.
     groups : sequence of (indices, values)
-        Indices in θ of the parameters of each group, and their nominal values in the units of θ.
+        For each parameter group, the indices of its parameters in θ and their nominal values, in
+        the units of θ.
     """
     from scipy.stats import chi2  # takes a third of a second to import
 
@@ -101,10 +105,10 @@ def told_arrays(
 @inlined
 def draw_estimates(told, P, theta, estimates):
     """
-    Write estimates (q,) that are drawn towards nominal values unless the data contradict these.
+    Shrink the filter's estimates towards nominal values and write q of them to ``estimates`` (q,).
 
-    θ (p,) and P are the filter's estimates and covariance, which do not use the nominal values. The
-    covariance of the result is ``drawn_P + drawn_between``.
+    θ (p,) and P are the estimates and the covariance of the filter, which do not use the nominal
+    values. The covariance of the shrunk estimates is ``drawn_P + drawn_between``.
     """
     union, drawn, drawn_P = told.union, told.drawn, told.drawn_P
     for a in range(len(union)):
@@ -121,11 +125,11 @@ def draw_estimates(told, P, theta, estimates):
 @inlined
 def _draw(told, g):
     """
-    Draw the estimates towards the nominal values of one group.
+    Shrink the estimates towards the nominal values of one parameter group.
 
-    The conditional estimate is computed by treating the nominal value of each parameter, one after
-    the other, as a measurement without noise. A parameter without variance is skipped, because the
-    parameters before it already determine its value.
+    The conditional estimate is computed by treating each nominal value in turn as a noise-free
+    measurement. A parameter with zero conditional variance is skipped, because the previous nominal
+    values already determine its value.
     """
     drawn, P, between = told.drawn, told.drawn_P, told.drawn_between
     mean, C, column = told.mean, told.P, told.column

@@ -1,4 +1,4 @@
-"""The options of a recursive estimator, checked and completed with defaults."""
+"""The options of a recursive estimator after checks, with default values for missing options."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,39 +23,41 @@ DEFAULT_BOX = (0.1, 10.0)  # default bounds, as multiples of θ(0)
 @dataclass(frozen=True)
 class Design:
     """
-    The checked options of a filter, in relative parameters η = θ/θ(0); created by `make_design`.
+    The checked options of a filter in relative parameters η = θ/θ(0), created by `make_design`.
 
     The initial value of η is one, regardless of the units and signs of θ.
 
     Attributes
     ----------
     model : Parametrization
-        Model as a function of η, with the selected output.
+        Model of the axis as a function of η, with the selected output signal.
     scale : (p,) array
-        Ratio θ/η: θ(0), or the option ``scale`` of `make_design`.
+        Ratio θ/η, which is θ(0) unless the option ``scale`` of `make_design` is given.
     output : str
-        Name of the signal y in `flexaxis.estimators.signals.SIGNALS`.
+        Name of the output signal y, as listed in `flexaxis.estimators.signals.SIGNALS`.
     period : float
         Sampling period [s].
     theta0 : (p,) array
         Initial estimate η(0).
     P0 : (p, p) array
-        Initial matrix P(0) of η for a noise variance of one.
+        Initial covariance P(0) of η for a noise variance of one.
     forgetting : float
-        Forgetting factor λ of eq. (9); one if Δ of eq. (10) is used.
+        Forgetting factor λ of equation (9), or 1 if the drift covariance Δ of equation (10) is
+        used.
     drift : (p, p) array
-        Covariance Δ of eq. (10), for η; zero if λ of eq. (9) is used.
+        Drift covariance Δ of equation (10) for η, or zero if λ of equation (9) is used.
     regularization : (p,) array
-        Diagonal of the matrix μ I of eq. (11), (12), for η.
+        Diagonal of the regularisation matrix μ I in equations (11) and (12), for η.
     lower, upper : (p,) arrays
-        Bounds of the box to which η is restricted.
+        Lower and upper bounds of η.
     noise : float
-        Standard deviation of the noise of y, in the unit of y; 0 if the noise has to be estimated.
+        Standard deviation of the noise in y, in the unit of y, or 0 if the filter has to estimate
+        this noise.
     x0_covariance : (n, n) array
-        Covariance of the n states at the first sample, without the torques of laws. The mean of the
-        states is zero.
+        Covariance of the n states at the first sample, without friction and other extra torques.
+        The initial states have zero mean.
     differences : bool
-        Whether the filter converts angles to increments.
+        Whether the filter converts angle readings to angle increments.
     """
 
     model: Parametrization
@@ -92,42 +94,49 @@ def make_design(
     corrects: bool = False,
 ) -> Design:
     """
-    Check the options of an estimator and fill in defaults.
+    Check the options of an estimator and fill in default values.
 
-    `flexaxis.estimators.Rpem` documents the parameters that are not listed here.
+    The docstring of `flexaxis.estimators.Rpem` describes the remaining parameters.
 
     Parameters
     ----------
     x0_variance : (n,) array_like, optional
         Variances of the states of ``model`` at the first sample; zero by default.
     scale : (p,) array_like, optional
-        Scale in η = θ/scale, needed if the initial value of a parameter is zero; θ(0) by default.
+        Scale that defines the relative parameters η = θ/scale; θ(0) by default. The scale must be
+        given if a parameter starts at zero.
     corrects : bool
-        Whether the filter corrects its state. A filter with correction reads angles directly; any
-        other filter reads the increments of the angle.
+        Whether the filter corrects its state with the measurements. A filter that corrects its
+        state reads angles directly; any other filter reads angle increments.
 
     Raises
     ------
     EstimatorError
         If an option is invalid; the message states what is allowed.
     """
-    above_zero("period", period, "the sampling period in seconds")
+    above_zero("period", period, "the sampling period [s]")
     counted = corrects and output == "angle"
     differences = output == "angle" and not counted
     chosen = counted_angle(model) if counted else find_signal(output).predicted(model, period)
-    sigma = 0.0 if noise is None else above_zero("noise", noise, "the standard deviation of y")
+    sigma = (
+        0.0
+        if noise is None
+        else above_zero("noise", noise, "the standard deviation of the noise in y")
+    )
     parametrization = chosen.parametrize(model.identify if identify is None else identify)
     p = len(parametrization.names)
     start = finite_vector("theta0", parametrization.theta if theta0 is None else theta0, p)
     lower, upper = _box(start, bounds, np.array(parametrization.additive))
     if forgetting is not None and drift is not None:
-        raise EstimatorError("forgetting and drift are both given; choose (9) or (10), not both")
+        raise EstimatorError(
+            "the options forgetting and drift are both given, but a filter can use only one"
+        )
     modification = np.zeros((p, p)) if drift is None else covariance_matrix("drift", drift, p)
     scale = start if scale is None else finite_vector("scale", scale, p)
     if not scale.all():
         raise EstimatorError(
-            f"a parameter of a law starts at 0 ({start}), so its scale is unknown: choose a start "
-            "of the expected size"
+            f"theta0 is {start}, but the scale of a parameter that starts at 0 is unknown; give "
+            "the expected magnitude of the parameter"
         )
     lower, upper = np.sort([lower / scale, upper / scale], axis=0)
     squares = np.outer(scale, scale)
@@ -154,22 +163,26 @@ def make_design(
 
 
 def above_zero(name: str, value: object, what: str) -> float:
-    """Check and return a finite number above zero; ``what`` describes it in messages."""
+    """Check and return a finite positive number; error messages call the number ``what``."""
     if _is_number(value) and 0 < value < np.inf:  # type: ignore[operator]
         return float(value)  # type: ignore[arg-type]
-    raise EstimatorError(f"{name} is {value!r}; give {what}, finite and above 0")
+    raise EstimatorError(f"{name} is {value!r}, but {what} must be a finite number above 0")
 
 
 def at_least_zero(name: str, value: object, what: str) -> float:
-    """Check and return a finite number that is not negative; ``what`` describes it in messages."""
-    return 0.0 if _is_number(value) and value == 0 else above_zero(name, value, f"0 or {what}")
+    """Check and return a finite number ≥ 0; error messages call the number ``what``."""
+    return (
+        0.0
+        if _is_number(value) and value == 0
+        else above_zero(name, value, f"{what} must be 0, or it")
+    )
 
 
 def flag(name: str, value: object) -> bool:
-    """Return the value of a boolean option; raise EstimatorError if the value is not boolean."""
+    """Return the value of a boolean option, or raise EstimatorError if the value is not boolean."""
     if isinstance(value, bool):
         return value
-    raise EstimatorError(f"{name} is {value!r}; give true or false")
+    raise EstimatorError(f"the option {name} is {value!r}, but must be true or false")
 
 
 def _is_number(value: object) -> bool:
@@ -177,23 +190,23 @@ def _is_number(value: object) -> bool:
 
 
 def forgetting_factor(forgetting: object, period: float) -> float:
-    """Check and return λ in (0, 1]; the default λ has the time constant `TIME_CONSTANT`."""
+    """Check and return the forgetting factor λ; its default time constant is `TIME_CONSTANT`."""
     if forgetting is None:
         return max(1 - period / TIME_CONSTANT, 0.5)
     if _is_number(forgetting) and 0 < forgetting <= 1:  # type: ignore[operator]
         return float(forgetting)  # type: ignore[arg-type]
-    raise EstimatorError(f"forgetting is {forgetting!r}; λ must lie in (0, 1]")
+    raise EstimatorError(f"forgetting is {forgetting!r}, but the factor λ must lie in (0, 1]")
 
 
 def _weights(regularization: ArrayLike, p: int) -> Array:
     weights = _as_numbers("regularization", regularization) * np.ones(p)
     if not np.all(np.isfinite(weights) & (weights >= 0)):
-        raise EstimatorError(f"regularization is {regularization!r}; μ must be finite and ≥ 0")
+        raise EstimatorError(f"regularization is {regularization!r}, but μ must be finite and ≥ 0")
     return weights
 
 
 def _as_numbers(name: str, value: ArrayLike) -> Array:
-    """Convert a value to a new array of floats."""
+    """Convert the value of an option to a new array of floats."""
     try:
         return np.array(value, float)
     except (TypeError, ValueError):
@@ -201,7 +214,7 @@ def _as_numbers(name: str, value: ArrayLike) -> Array:
 
 
 def finite_vector(name: str, value: ArrayLike, p: int) -> Array:
-    """Convert a value to a new array of p finite floats."""
+    """Convert the value of an option to a new array of p finite floats."""
     vector = _as_numbers(name, value)
     if vector.shape != (p,) or not np.all(np.isfinite(vector)):
         raise EstimatorError(
@@ -217,7 +230,7 @@ def covariance_matrix(name: str, value: ArrayLike, p: int) -> Array:
         matrix = np.diag(matrix)
     if matrix.shape != (p, p):
         raise EstimatorError(
-            f"{name} has the shape {matrix.shape}; for {p} parameters give ({p},) or ({p}, {p})"
+            f"{name} has the shape {matrix.shape}, but {p} parameters need ({p},) or ({p}, {p})"
         )
     scale = np.sqrt(np.abs(np.diag(matrix)))
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -228,7 +241,7 @@ def covariance_matrix(name: str, value: ArrayLike, p: int) -> Array:
         or np.linalg.eigvalsh(correlation)[0] < 1e-300
     ):
         raise EstimatorError(
-            f"{name} must be symmetric positive definite; given: {matrix.tolist()}"
+            f"{name} must be symmetric positive definite, but is {matrix.tolist()}"
         )
     return (matrix + matrix.T) / 2
 
@@ -242,9 +255,9 @@ def _box(
         lower, upper = (finite_vector("bounds", bound, len(theta0)) for bound in bounds)
     if np.any((lower * upper <= 0) & ~additive):
         raise EstimatorError(
-            f"bounds {lower} … {upper} contain zero; a physical parameter keeps its sign, so give "
-            "bounds on one side of zero (and a start that is not zero)"
+            f"the bounds {lower} … {upper} contain zero, but a physical parameter cannot change "
+            "its sign; give two bounds with the same sign (and a nonzero initial value)"
         )
     if np.any(theta0 < lower) or np.any(theta0 > upper):
-        raise EstimatorError(f"bounds {lower} … {upper} do not enclose theta0 = {theta0}")
+        raise EstimatorError(f"the bounds {lower} … {upper} do not enclose theta0 = {theta0}")
     return lower, upper

@@ -1,24 +1,26 @@
 """
-Detection of a sensor that does not follow the axis, and of a lost filter that has to be reset.
+Detection of a sensor that does not follow the axis, and of a diverged filter that needs a reset.
 
-A reading that repeats while the axis moves comes from a sensor that is stuck or saturated. Noisy
-readings never repeat exactly, but encoder counts do. The speed computed from an encoder has an
-error of less than one count q per period, with a triangular distribution from −q to q and the
-variance q²/6. The true speed may therefore change by 2q = 4.9 standard deviations between two equal
-readings. If ŷ has changed by more than twice this amount since the reading first occurred, samples
-are ignored, as in a gap, until the sensor reads another value. The repeated reading is also ignored
-later, because it may be the end of the sensor's range. A reading beyond this value shows that it is
-not the end, and the value is used again.
+A sensor reading that repeats while the axis moves indicates a stuck or saturated sensor. Noisy
+analogue readings never repeat exactly, but encoder counts do. The speed computed from an encoder
+has an error of less than one count q per period, with a triangular distribution from −q to q and
+the variance q²/6. The true speed can therefore change by 2q = 4.9 standard deviations between two
+equal readings. A sensor counts as stuck if the prediction ŷ has changed by more than 4q since the
+sensor first returned its current reading. The filter then ignores all samples, as in a gap, until
+the reading changes. The filter also ignores later occurrences of the repeated reading, because this
+reading could be the end of the sensor range. If the sensor later exceeds the repeated reading, this
+reading is not the end of the range, and the filter uses it again.
 
-The samples before the detection may have moved the estimate far from the true value. When the
-reading of the sensor changes again, a filter is reset if it permanently retains old information or
-models jumps. Any filter is reset if its ŷ is not a number. A filter with forgetting recovers
-without a reset, unless the estimate has reached another local minimum. Such a filter is reset only
-if its residual has been large relative to y, and autocorrelated, for longer than the memory of the
-filter. The waiting time doubles after each reset, so a filter is lost for at most twice as long as
-the sensor was wrong.
+Wrong samples can move the estimate far from the true value before the stuck sensor is detected.
+When the readings of a stuck sensor change again, filters without forgetting and filters that model
+parameter jumps are reset. Any filter is reset if its prediction ŷ is not a number. A filter with
+forgetting recovers without a reset, unless the estimate has reached another local minimum.
+Therefore a filter with forgetting is reset only after its residual has been large relative to y,
+and autocorrelated, for longer than the memory of the filter. The waiting time before a reset
+doubles after each reset, so a filter remains diverged for at most twice as long as the sensor was
+wrong.
 
-All thresholds are relative to y and to the noise of y, so units do not matter.
+All thresholds are relative to y or to the noise in y, so the unit of y does not matter.
 """
 
 import numpy as np
@@ -33,9 +35,9 @@ LEFT = 0.2  # smallest mean square of a lost filter's residual relative to that 
 # spring in the model leads to 0.17, a sensor whose sign was temporarily wrong to 0.25
 ABSURD = 1e2
 """
-A residual is checked only if |y| is at most this multiple of the largest of |ŷ|, the rms of ŷ and
-the noise. Parameters within their box (0.1 to 10 times nominal) change y by at most a factor of one
-hundred.
+Largest accepted ratio of |y| to the maximum of |ŷ|, the rms of ŷ and the noise. The filter does not
+check the residual of a sample with a larger ratio. Parameters within their bounds (0.1 to 10 times
+the nominal value) change y by at most a factor of 100.
 """
 HEEDS_LOST, HEEDS_NOTHING = 1.0, 9.0  # a reset requires ``anew`` > ``heeds``, which is 0 by default
 
@@ -51,7 +53,7 @@ KEPT = (
 
 @inlined
 def is_stuck(state, y, prediction, variance):
-    """Return whether y comes from a stuck sensor; ``variance`` is the variance of y − ŷ, or NaN."""
+    """Return whether the sensor is stuck; ``variance`` is the variance of y − ŷ or NaN."""
     rails = state["rails"]
     if y < rails[0]:  # the sensor can read a lower value, so this is not the end of the range
         rails[0] = np.nan
@@ -75,7 +77,7 @@ def is_stuck(state, y, prediction, variance):
 
 @inlined
 def check_residual(state, y, epsilon):
-    """Process a residual; if the filter is lost, request a reset and double the waiting time."""
+    """Check a residual; if the filter has diverged, request a reset and double the waiting time."""
     if y**2 > ABSURD**2 * max(state["signal"], state["prediction"] ** 2, state["noise"]):
         return  # such a sample would dominate the means for minutes
     squares = state["squares"]
@@ -99,12 +101,12 @@ def check_residual(state, y, epsilon):
 
 def begin_anew(state: Memory, start: Memory) -> None:
     """
-    Reset one or several filters (in rows), but keep the variables that describe the sensor.
+    Reset one or several filters, but keep the variables that describe the sensor.
 
-    For a while, y is ignored and the torque alone drives the state, until it agrees with the state
-    of the axis. Otherwise the filter would attribute an error of the state to the parameters. R is
-    learnt again; until R is known, the value of R before the reset is used to detect a stuck
-    sensor.
+    After a reset, the filter ignores y until the state errors have decayed and predicts the state
+    from the torque alone. Without this waiting time, the filter would attribute the state errors to
+    the parameters. The filter also estimates the noise variance R again after a reset. Until the
+    new R is known, the stuck-sensor detection uses the value of R before the reset.
     """
     kept = {name: np.copy(state[name]) for name in KEPT}
     kept["earlier"] = state["noise"] * (1.0 if np.max(state["anew"]) < 2.0 else np.nan)

@@ -1,4 +1,4 @@
-"""The base classes of all recursive estimators, with step, run, reset, copy and innovations."""
+"""Base classes of all recursive estimators, with the methods step, run, reset and copy."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 class RecursiveEstimator(ABC):
     """
-    Base class of the estimators; subclasses process checked samples in `_take`.
+    Base class of all recursive estimators; subclasses process the checked samples in `_take`.
 
     Parameters
     ----------
@@ -30,24 +30,25 @@ class RecursiveEstimator(ABC):
 
     Attributes
     ----------
-    names, output
-        The constructor's parameters.
+    names, output : tuple of str, str
+        Values passed to the constructor.
     theta : (p,) array
-        Current estimate.
+        Current parameter estimate θ[k].
     covariance : (p, p) array
-        Claimed covariance of the estimate.
+        Covariance that the estimator claims for its parameter estimate.
     prediction : float
-        Prediction ŷ[k] of the latest output from all earlier samples.
+        Prediction ŷ[k] of the latest output y[k] from all earlier samples.
     innovation : float
-        Innovation y[k] − ŷ[k]; NaN in a gap and before the first sample.
+        Innovation y[k] − ŷ[k], or NaN if y[k] is missing or no sample has been processed yet.
     innovation_variance : float
-        Claimed variance of the innovation; NaN if the estimator claims none.
+        Innovation variance claimed by the estimator, or NaN if the estimator claims no variance.
     innovations : (N, 2) array
-        Innovation and claimed variance for each sample of the last ``step`` or ``run``.
+        Innovation and its claimed variance for each sample of the last call of ``step`` or ``run``.
 
     Notes
     -----
-    θ[k] uses y[0..k] and u[0..k−1]; u[k] is held on [t_k, t_{k+1}) and first acts on y[k+1].
+    The estimate θ[k] uses y[0..k] and u[0..k−1]. The torque u[k] is constant between t_k and
+    t_{k+1}, so it first acts on y[k+1].
     """
 
     def __init__(self, names: tuple[str, ...], output: str) -> None:
@@ -67,11 +68,15 @@ class RecursiveEstimator(ABC):
     def _take(
         self, u: Array, y: Array, valid: NDArray[np.bool_], estimates: Array, trace: Array
     ) -> None:
-        """Process N samples; write θ (N, p) and a trace (N, 3): ŷ, the innovation, its variance."""
+        """
+        Process N samples, and write the parameter estimates θ to ``estimates`` (N, p).
+
+        The prediction ŷ, the innovation and its variance are written to ``trace`` (N, 3).
+        """
 
     @abstractmethod
     def _start(self) -> None:
-        """Return to the state before the first sample."""
+        """Reset the filter to its state before the first sample."""
 
     @property
     def prediction(self) -> float:  # noqa: D102
@@ -95,19 +100,19 @@ class RecursiveEstimator(ABC):
         self._start()
 
     def copy(self) -> Self:
-        """Return an independent estimator in the same state."""
+        """Return an independent copy of the estimator with the same state."""
         return deepcopy(self)
 
     def step(self, u: float, y: float | None) -> Array:
         """
-        Process one sample and return θ[k] (p,).
+        Process one sample and return the parameter estimate θ[k] (p,).
 
         Parameters
         ----------
         u : float
-            Torque that is held constant from t_k on.
+            Motor torque, which is constant from t_k until the next sample.
         y : float or None
-            Output measured at t_k; None if the output is missing.
+            Output measured at time t_k, or None if this measurement is missing.
         """
         check_sample(u, y)
         one = self._one
@@ -119,14 +124,14 @@ class RecursiveEstimator(ABC):
 
     def run(self, u: ArrayLike, y: ArrayLike, valid: ArrayLike | None = None) -> Array:
         """
-        Process N samples, starting from the current state, and return θ (N, p).
+        Process N samples from the current state on, and return the estimates θ (N, p).
 
         Parameters
         ----------
         u, y : (N,) array_like
-            Torque and measured output.
+            Motor torque and measured output.
         valid : (N,) array_like of bool, optional
-            False where y is missing; True everywhere by default.
+            Mask that is False where y is missing; by default, y is valid in all samples.
         """
         u, y, present = check_signals(u, y, valid)
         estimates = np.empty((len(u), len(self.names)))
@@ -139,22 +144,22 @@ class RecursiveEstimator(ABC):
 
 class CompiledFilter(RecursiveEstimator):
     """
-    An estimator that consists of a compiled loop and a block of memory.
+    An estimator implemented as a compiled loop that works on one block of memory.
 
     Parameters
     ----------
     loop : callable
-        Function ``loop(block, at, u, y, valid, estimates, trace, laws)`` that processes samples. It
-        writes η to ``estimates`` (N, p), and ŷ, the innovation and its variance to ``trace``
-        (N, 3). ``laws`` is None for a linear model. The function returns the number of processed
-        samples; a negative number means that the filter has to be reset, see
-        `flexaxis.estimators.filters.fault_monitor`.
+        Function ``loop(block, at, u, y, valid, estimates, trace, laws)`` that processes samples.
+        The function writes η to ``estimates`` (N, p). It also writes ŷ, the innovation and the
+        innovation variance to ``trace`` (N, 3). The argument ``laws`` is None for a linear model.
+        The function returns the number of processed samples. A negative return value requests a
+        filter reset (`flexaxis.estimators.filters.fault_monitor`).
     start : Memory
         State of the filter before the first sample.
     design : Design
-        Options of the filter, including names, output, scale and box.
+        Filter options, including parameter names, output signal, scale and bounds.
     read : callable
-        Function ``read(state)`` that returns η and the claimed covariance of η.
+        Function ``read(state)`` that returns η and its claimed covariance.
 
     Attributes
     ----------

@@ -1,8 +1,8 @@
 """
-Rules of forgetting: the time update of P with the paper's eq. (9), (10), (12) or another rule.
+Forgetting rules, which are the paper's equations (9), (10) and (12) or other updates of P.
 
-Each rule has a number, which `forget` uses to select the rule. The modules of
-`flexaxis.estimators.methods` contain references to the literature.
+`forget` selects the forgetting rule by its number. The docstrings in `flexaxis.estimators.methods`
+cite the literature on these rules.
 """
 
 import numpy as np
@@ -15,7 +15,7 @@ PAPER, CUSUM, VARIABLE = range(3)
 
 @inlined
 def forget(state, valid):
-    """Perform the time update of P according to the rule of the filter."""
+    """Perform the time update of P according to the filter's forgetting rule."""
     now = state.now[0]
     rule, factor = now["rule"], now["forgetting"]
     if rule == VARIABLE:
@@ -28,7 +28,7 @@ def forget(state, valid):
 
 @inlined
 def reset_on_alarm(state):
-    """Update the CUSUM; if it exceeds the alarm level, reset P to a large value."""
+    """Update the CUSUM statistic, and reset P to a large value if it exceeds the alarm level."""
     P, now = state.P, state.now[0]
     sums = now["sums"]
     square = min(now["innovation"] ** 2 / (now["quiet"] * now["scale"]), 16.0)
@@ -46,7 +46,7 @@ def reset_on_alarm(state):
 
 @inlined
 def _variable_factor(now):
-    """Update the means of squares, and return the forgetting factor λ."""
+    """Update the mean squares of the residuals, and return the forgetting factor λ."""
     sums, square = now["sums"], now["surprise"] ** 2
     sums[3] += 1.0
     short, long = min(sums[3], now["short"]), min(sums[3], now["long"])

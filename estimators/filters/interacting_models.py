@@ -1,9 +1,9 @@
 """
-Interacting multiple models: the probabilities of the modes, and their mixing.
+The interacting-multiple-model filter: mode probabilities and mixing of the modes.
 
-Each mode is a Kalman filter for state and parameters, see `joint`. Arrays that differ between modes
-have one row per mode. The first row belongs to the quiet mode, which assumes that no parameter
-jumps.
+Each mode is a Kalman filter that estimates state and parameters (`joint`). Each array that differs
+between modes contains one row for each mode. The first row belongs to the quiet mode, which assumes
+that no parameter jumps.
 """
 
 from typing import Annotated, NamedTuple
@@ -24,15 +24,15 @@ LEAST = 1e-30  # smallest probability of a mode: a probability of zero could nev
 
 class Modes(NamedTuple):
     """
-    The state of all modes; most arrays have one row per mode, but all modes share one model.
+    The state of all modes, which share one model; most arrays contain one row for each mode.
 
     Attributes
     ----------
-    now, axis, theta, X, drift, lower, upper, P, G, GP, gain, ceiling
-        Attributes of `flexaxis.estimators.filters.joint.Joint`. An additional row stores the quiet
-        mode while the modes are mixed.
+    now, axis, theta, X, drift, lower, upper, P, G, GP, gain, ceiling : arrays
+        The attributes of `flexaxis.estimators.filters.joint.Joint`, with one row for each mode. An
+        additional row stores a copy of the quiet mode while the modes are mixed.
     apart : (m,) array
-        Difference between the means of two modes.
+        Difference between the estimates ξ of two modes.
     """
 
     now: Annotated[NDArray[np.void], NUMBERS, 1]
@@ -51,7 +51,7 @@ class Modes(NamedTuple):
 
 
 def modes_of(arrays: dict[str, NDArray], count: int) -> Memory:
-    """Return ``count`` modes that start as copies of one joint filter with the given arrays."""
+    """Return ``count`` modes that start as copies of the joint filter with the given arrays."""
     own = ("theta", "X", "drift", "P", "G", "GP", "gain")
     rows = {name: np.stack([arrays[name]] * (count + 1)) for name in own}
     rows["now"] = np.repeat(arrays["now"], count)
@@ -60,7 +60,7 @@ def modes_of(arrays: dict[str, NDArray], count: int) -> Memory:
 
 @embedded
 def mode(modes, j):
-    """Return mode j as a joint filter."""
+    """Return mode j of the filter as a joint filter."""
     return Joint(
         modes.now[j : j + 1],
         modes.axis,
@@ -79,7 +79,7 @@ def mode(modes, j):
 
 @inlined
 def mixture(now, X):
-    """Return the output predicted by the mixture, and its variance without noise."""
+    """Return mean and variance of the predicted output over all modes, without sensor noise."""
     mean, spread = 0.0, 0.0
     for j in range(len(now)):
         mean += now[j]["predicted"] * X[j, -1, 0]
@@ -91,10 +91,10 @@ def mixture(now, X):
 @inlined
 def weigh(modes, y, noise, estimates):
     """
-    Compute the probabilities μ_j ← c_j Λ_j/Σ_i c_i Λ_i of the modes, and write the mean of η.
+    Compute the mode probabilities μ_j ← c_j Λ_j/Σ_i c_i Λ_i, and write the mean of η.
 
-    c_j is the predicted probability of mode j. Λ_j is the likelihood of its innovation, or one if y
-    is NaN.
+    The factor c_j is the predicted probability of mode j. The factor Λ_j is the likelihood of the
+    innovation of mode j, or one if y is NaN.
     """
     now, highest, total = modes.now, -np.inf, 0.0
     for j in range(len(now)):
@@ -115,11 +115,12 @@ def weigh(modes, y, noise, estimates):
 @inlined
 def mix(modes):
     """
-    Compute the mixed ξ⁰ and P⁰ from which every mode continues.
+    Compute the mixed estimate ξ⁰ and covariance P⁰ from which each mode continues.
 
     Mixing two modes at a time gives the same result as mixing all modes at once. A jump mode
-    continues from a mixture of itself and the quiet mode; the quiet mode continues from a mixture
-    of all modes. Π_0j is the same for all jump modes j, and Π_j0 = 1 − Π_jj.
+    continues from a mixture of itself and the quiet mode. The quiet mode continues from a mixture
+    of all modes. The transition probability Π_0j is the same for all jump modes j, and Π_j0 = 1 −
+    Π_jj.
     """
     now, count = modes.now, len(modes.now)
     quiet = now[0]
@@ -137,7 +138,7 @@ def mix(modes):
 
 @inlined
 def _join(modes, i, j, share):
-    """Mix mode j, with the weight ``share``, into ξ and P of mode i."""
+    """Mix mode j into the estimate ξ and the covariance P of mode i, with the weight ``share``."""
     theta, X, apart = modes.theta, modes.X, modes.apart
     p = theta.shape[1]
     for a in range(p):
@@ -152,16 +153,16 @@ def _join(modes, i, j, share):
 @fused
 def merge(share, P, other, apart):
     """
-    Compute the covariance of a mixture of two modes, P ← (1−s) P + s P' + s (1−s) d dᵀ.
+    Compute the covariance P ← (1−s) P + s P' + s (1−s) d dᵀ of a mixture of two modes.
 
     Parameters
     ----------
     share : float
-        Weight s of the second mode.
+        Weight s of the second mode in the mixture.
     P, other : (m, w) arrays
-        Covariances P and P' of the two modes; P is overwritten with the result.
+        Covariances P and P' of the two modes; the mixture covariance overwrites P.
     apart : (m,) array
-        Difference d of the two means.
+        Difference d between the means of the two modes.
     """
     rest = 1.0 - share
     root = np.sqrt(share * rest)
@@ -172,7 +173,7 @@ def merge(share, P, other, apart):
 
 
 def read_mixture(state: Memory) -> tuple[Array, Array]:
-    """Return η (p,) of the mixture of all modes, and the covariance (p, p) of η."""
+    """Return the mean (p,) and the covariance (p, p) of η over all modes."""
     weights, theta = state["predicted"], state["theta"][:-1]  # both are values after mixing
     p, mean = theta.shape[1], weights @ theta
     apart = theta - mean

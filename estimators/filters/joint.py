@@ -1,11 +1,11 @@
 """
-State and parameters in one extended Kalman filter: `predict` over a sample, `update` with y.
+An extended Kalman filter that jointly estimates the state and the parameters.
 
-Over a sample, θ is constant and x changes. For small deviations of ξ = [θ; x], ξ⁺ = F ξ with
-F = [I 0; G]. The block of P that belongs to θ therefore only increases by W. The rows of X contain
-G = ∂x⁺/∂ξ and h = ∂y⁺/∂ξ, the derivatives with respect to ξ at the previous sample. The time update
-of P is carried out together with the measurement update at the end of the sample, so that one
-product yields both G P and P h.
+The filter models θ as constant during a sampling period, whereas the state x changes. Small
+deviations of ξ = [θ; x] follow ξ⁺ = F ξ, where F = [I 0; G]. The time update therefore adds only W
+to the θ block of P. The rows of X contain G = ∂x⁺/∂ξ and h = ∂y⁺/∂ξ, the derivatives with respect
+to ξ at the previous sample. The time update of P is postponed until the measurement update, so that
+one matrix product yields both G P and P h.
 """
 
 from typing import Annotated, NamedTuple
@@ -25,28 +25,28 @@ Array = NDArray[np.float64]
 
 class Joint(NamedTuple):
     """
-    The state of a joint filter for p parameters and n states, m = p + n.
+    The variables of a joint filter for p parameters and n states, where m = p + n.
 
     Attributes
     ----------
-    now, axis
-        Scalar variables of the filter, and arrays of the model.
+    now, axis : record array, Axis
+        Scalar variables of the filter, and arrays of the axis model.
     theta : (p,) array
         Estimate of the relative parameters η.
     X : (> n, lanes) array
-        States and output, with derivatives with respect to ξ at the start of the sample.
+        States and output, and their derivatives with respect to ξ at the previous sample.
     drift : (p, p) array
-        Covariance W that is added to the covariance of θ in every sample.
+        Covariance W that every time update adds to the covariance of θ.
     lower, upper : (p,) arrays
         Bounds of η.
     P : (m, w) array
-        Covariance of ξ; rows are padded with zeros.
+        Covariance of ξ, with rows padded with zeros.
     G, GP : (n+1, m), (n+1, w) arrays
-        Derivative ∂[x⁺; y⁺]/∂ξ, and its product with P.
+        The derivative ∂[x⁺; y⁺]/∂ξ, and the product of this derivative and P.
     gain : (m,) array
         Gain K, multiplied by √S.
     ceiling : (p,) array
-        Upper limits of the variances of η.
+        Upper limits on the variances of η.
     """
 
     now: Annotated[NDArray[np.void], NUMBERS, 1]
@@ -65,15 +65,15 @@ class Joint(NamedTuple):
 
 def joint_arrays(design: Design, *, rests: bool = False, **more: float) -> dict[str, NDArray]:
     """
-    Return the initial arrays of a joint filter, keyed by name.
+    Return the initial arrays of a joint filter in a dictionary keyed by array name.
 
     Parameters
     ----------
     design : Design
     rests : bool
-        Whether R is updated with every changed reading, even at rest. Only an encoder repeats
-        readings.
-    **more
+        Whether each sensor reading that differs from the previous reading updates the noise
+        variance R, even if the axis is at rest.
+    **more : float
         Initial values of further scalar variables.
     """
     p, n = len(design.theta0), design.model.states
@@ -94,7 +94,7 @@ def joint_arrays(design: Design, *, rests: bool = False, **more: float) -> dict[
 
 @inlined
 def predict(state, u, laws):
-    """Predict ξ over a sample with u held, and the derivatives with respect to the previous ξ."""
+    """Predict ξ one sample ahead, and the derivatives of the prediction with respect to ξ."""
     X, p = state.X, len(state.lower)
     n = len(state.gain) - p
     X[:n, 1:] = 0.0
@@ -105,7 +105,7 @@ def predict(state, u, laws):
 
 @fused
 def look(state):
-    """Compute G and G P, with h and hᵀP as their last rows, and hᵀPh."""
+    """Compute hᵀPh, G and G P, where h and hᵀP are the last rows of the arrays for G and G P."""
     X, G, GP = state.X, state.G, state.GP
     n, m = len(G) - 1, G.shape[1]
     for i in range(n + 1):
@@ -118,7 +118,7 @@ def look(state):
 
 @summed
 def _dot(a, b):
-    """Return Σ a·b over the length of b, summed in any order."""
+    """Return the scalar product of a and b; the compiler can change the order of the summands."""
     total = 0.0
     for q in range(len(b)):
         total += a[q] * b[q]
@@ -128,7 +128,7 @@ def _dot(a, b):
 @fused
 def update(state, y, noise):
     """
-    Perform the time update of P over the last sample and, unless y is NaN, the measurement update.
+    Perform the time update of P and then, if y is not NaN, the measurement update of ξ and P.
 
     S = hᵀPh + R, K = F P h/S, ξ ← ξ⁺ + K (y − y⁺), P ← F P Fᵀ + W − K S Kᵀ.
     """
@@ -159,6 +159,6 @@ def update(state, y, noise):
 
 
 def read_joint(state: Memory) -> tuple[Array, Array]:
-    """Return η (p,) and the covariance (p, p) of η."""
+    """Return the parameter estimate η (p,) and its covariance (p, p)."""
     p = len(state["theta"])
     return state["theta"], state["P"][:p, :p]

@@ -1,25 +1,26 @@
 """
-The noise variance R of y in a Kalman filter: specified by the user, or learnt from the innovations.
+The noise variance R of y, which the user specifies or the filter estimates.
 
 The innovation e = y − ŷ has the variance S = hᵀPh + R. One step of expectation-maximisation maps R
-to hᵀPh R/S + e² R²/S² (R. H. Shumway and D. S. Stoffer, *An approach to time series smoothing and
-forecasting using the EM algorithm*, J. Time Series Analysis 3 (1982), in recursive form). The
-filter uses a mean of these values as R. A sample contains little information about R if the
-uncertainty of ξ dominates S.
+to hᵀPh R/S + e² R²/S². The filter averages hᵀPh R/S + e² R²/S² over time to estimate R. This
+estimate is a recursive form of the method in *An approach to time series smoothing and forecasting
+using the EM algorithm* (Shumway and Stoffer, 1982). A sample contains little information about R if
+the uncertainty of ξ dominates S.
 
-A parameter change also increases e². The effect of a change is smooth, so a third difference almost
-removes it. Therefore a second mean uses (e[k] − 3e[k−1] + 3e[k−2] − e[k−3])²/20 instead of e²
-(after T. Gasser, L. Sroka and C. Jennen-Steinmetz, *Residual variance and residual pattern in
-nonlinear regression*, Biometrika 73 (1986)). R is the smaller of the two means. If the means differ
-strongly, R is learnt more slowly.
+A parameter change also increases the squared innovation e². The effect of a parameter change on e
+is smooth, so the third difference of e almost removes the effect. A second mean therefore uses
+(e[k] − 3e[k−1] + 3e[k−2] − e[k−3])²/20 instead of e². The use of differences follows *Residual
+variance and residual pattern in nonlinear regression* (Gasser, Sroka and Jennen-Steinmetz, 1986). R
+is the smaller of the mean of e² and the mean of the squared third difference. If the mean of e² and
+the mean of the squared third difference differ strongly, the filter adapts R more slowly.
 
-All thresholds are relative to the data, so the units of y do not matter. If y is an angle, the
-filter measures the angle relative to the first reading. R is then at least q²/12, the variance of
-an encoder's rounding error, where q is the smallest step between two readings so far.
+All thresholds are relative to the data, so the unit of y does not matter. If y is an angle, the
+filter measures the angle relative to the first reading. For an angle, R is at least q²/12, the
+variance of the encoder's rounding error, where q is the smallest step between two readings so far.
 
-An exact angle reveals every error of the model. If y is an angle, the model therefore contains
-white torque noise that acts on the motor. The variance of this noise starts large and is adapted
-until the mean of e²/S is one.
+An accurate angle measurement reveals every model error. If y is an angle, the model therefore
+contains white torque noise that acts on the motor. The torque noise variance starts large and is
+adapted until the mean of e²/S is one.
 """
 
 from math import erf, exp, pi, sqrt
@@ -55,7 +56,7 @@ MOVING = 0.5  # a sample updates R only if |ŷ| exceeds this multiple of the noi
 
 
 def clipped_variance(clip: float) -> float:
-    """Return E min(z², c²), the variance of a standard normal z after clipping to ± c."""
+    """Return the variance of a standard normal variable after clipping to ± ``clip``."""
     return erf(clip / sqrt(2)) * (1 - clip**2) + clip**2 - clip * sqrt(2 / pi) * exp(-(clip**2) / 2)
 
 
@@ -65,11 +66,11 @@ CONSISTENCY = clipped_variance(CLIP)
 @inlined
 def judge(state, y, valid, prediction, spread):
     """
-    Store the innovation and learn R; return the output for the update, or NaN to skip the sample.
+    Store the innovation and update R; return the checked output, or NaN to skip the sample.
 
-    ``spread`` is hᵀPh. If R is unknown, no sample is used until the axis moves. R then starts at
-    e² + hᵀPh, or at q²/12 with torque noise. If y is an angle, the returned output is
-    relative to the first reading.
+    The argument ``spread`` is hᵀPh. If R is unknown, the filter uses no sample until the axis
+    moves. When the axis starts to move, R starts at e² + hᵀPh, or at q²/12 if the model contains
+    torque noise. If y is an angle, the returned output is relative to the first reading.
     """
     noise = state["noise"]
     S = spread + noise
@@ -120,7 +121,7 @@ def judge(state, y, valid, prediction, spread):
 
 @inlined
 def _count(state, y, prediction):
-    """Set the origin of the angle at the first reading, and learn the rounding of the encoder."""
+    """Set the angle origin at the first reading, and estimate the encoder's rounding error."""
     if state["anchored"] == 0.0:
         state["origin"] = y - prediction
     rounding = (y - state["reading"]) ** 2 / 12.0
@@ -130,7 +131,7 @@ def _count(state, y, prediction):
 
 @inlined
 def _is_wild(state, e, sd, judged):
-    """Return whether a sample is an outlier."""
+    """Return whether the current sample is an outlier."""
     before, state["latest"] = state["latest"], e
     back = min(abs(e), abs(e + before))  # an outlier of the angle affects two increments
     if state["lone"] > 0.0 and back <= CLIP * sd:
@@ -149,7 +150,7 @@ def _is_wild(state, e, sd, judged):
 
 @inlined
 def _roughness(past, e):
-    """Return (e − 3e₁ + 3e₂ − e₃)²/20 from the three previous innovations, and store e."""
+    """Return the squared third difference of the innovations, divided by 20, and store ``e``."""
     rough = (e - 3.0 * past[0] + 3.0 * past[1] - past[2]) ** 2 / 20.0
     past[2], past[1], past[0] = past[1], past[0], e
     return rough
@@ -157,7 +158,7 @@ def _roughness(past, e):
 
 @inlined
 def _learn(state, spread, square, rough):
-    """Update R with the squares of the innovation and of its third difference."""
+    """Update R with the squared innovation and the squared third difference of the innovations."""
     R, levels = state["noise"], state["levels"]
     S = spread + R
     share = R / S
@@ -183,7 +184,7 @@ def _learn(state, spread, square, rough):
 
 @inlined
 def learn_torque_noise(state, rate, lowest):
-    """Update the variance of the torque noise after a measurement, see `LEARNS`."""
+    """Update the torque noise variance after a measurement, as described at `LEARNS`."""
     square = state["innovation"] ** 2 / state["innovation_variance"]
     if state["first_torque_noise"] > 0.0 and square >= 0.0:  # NaN in a gap
         least, most = lowest * state["first_torque_noise"], HIGHEST * state["first_torque_noise"]
@@ -194,13 +195,13 @@ def learn_torque_noise(state, rate, lowest):
 
 @inlined
 def allow_for_torques(state):
-    """Learn the variance of the torque noise quickly at first, and slowly afterwards."""
+    """Adapt the torque noise variance quickly at first, and more slowly later."""
     rate = LEARNS if state["learnt"] < state["memory"] else REMEMBERS
     learn_torque_noise(state, rate, LOWEST)
 
 
 @inlined
 def show(state, row):
-    """Write ŷ, the innovation and its variance into a row (3,) of the trace."""
+    """Write the prediction ŷ, the innovation and the innovation variance to ``row`` (3,)."""
     row[0], row[1] = state["prediction"], state["innovation"]
     row[2] = state["innovation_variance"]

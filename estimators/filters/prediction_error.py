@@ -1,10 +1,10 @@
 """
-One measurement of a prediction-error method, in compiled code: eq. (5)–(7), (9), (10), (12).
+The update of a prediction-error method by one sample, equations (5)–(7), (9), (10) and (12).
 
-All quantities are expressed in relative parameters η = θ/θ(0). The matrix P determines the gain. A
-second matrix Σ is the actual covariance of the estimate for a noise variance of one, Σ ← (I − Kψᵀ)
-Σ (I − Kψᵀ)ᵀ + K Kᵀ with K = P(t|t) ψ. In slow, steady adaptation, Σ equals P/2; after a reset of P,
-Σ and P/2 differ.
+All quantities refer to the relative parameters η = θ/θ(0). The matrix P determines the gain K =
+P(t|t) ψ. A second matrix Σ is the actual covariance of the estimate for a noise variance of one.
+Each measurement updates Σ by Σ ← (I − Kψᵀ) Σ (I − Kψᵀ)ᵀ + K Kᵀ. During slow, steady adaptation, Σ
+equals P/2. After a reset of P, Σ differs from P/2.
 """
 
 from typing import Annotated, NamedTuple
@@ -52,26 +52,27 @@ CALM = 1e-3  # largest R̂ P_ii relative to θ(0)²: a standard deviation of 3 %
 
 class Recursion(NamedTuple):
     """
-    The state of a prediction-error method.
+    The variables of a prediction-error method.
 
     Attributes
     ----------
-    now, axis
-        Scalar variables of the filter, and arrays of the model.
+    now, axis : record array, Axis
+        Scalar variables of the filter, and arrays of the axis model.
     theta : (p,) array
         Estimate of the relative parameters η.
     X : (n+1, lanes) array
-        States and output, with their derivatives.
+        States and output, and their derivatives with respect to η.
     drift : (p, p) array
-        Covariance Δ that is added to P in every sample.
+        Drift covariance Δ that every time update adds to P.
     lower, upper : (p,) arrays
         Bounds of the estimate.
     P, claim : (p, p) arrays
         Matrices P and Σ.
     psi, gain, before, reach : (p,) arrays
-        Gradient ψ, the product Pψ, the previous estimate, and the product Σψ.
+        The gradient ψ, the product Pψ, the estimate before the update, and the product Σψ.
     prior, granted : (p,) arrays
-        Diagonal of P(0), and minimum ceilings of the diagonal of P, which a reset of P raises.
+        Diagonal of P(0), and the minimum of the upper limit on the diagonal of P. A reset of P
+        increases this minimum.
     regularization : (p,) array
         Weights μ.
     """
@@ -103,24 +104,25 @@ def recursion(
     **more: float,
 ) -> Memory:
     """
-    Return the initial state of a prediction-error method.
+    Return the initial memory of a prediction-error method.
 
     Parameters
     ----------
     design : Design
     robust : float
-        Number of standard deviations to which residuals are clipped; 0 for no limit. If a limit is
-        set, the readings of a stuck sensor are ignored as well.
+        Number of standard deviations to which residuals are clipped, or 0 to disable clipping. With
+        clipping, the filter also ignores the readings of a stuck sensor.
     correct : bool
-        Whether the filter corrects its state when θ changes.
+        Whether the filter corrects its state when the parameter estimate changes.
     ceiling : float
-        Largest variance of an estimate relative to θ(0)²; infinite for no limit.
-    **more
-        Initial values of further scalar variables, such as the options of a rule of forgetting.
+        Upper limit on the variance of an estimate relative to θ(0)², or infinity to disable the
+        limit.
+    **more : float
+        Initial values of further scalar variables, such as the options of a forgetting rule.
     """
-    at_least_zero("robust", robust, "standard deviations, such as 3, or 0 for never")
+    at_least_zero("robust", robust, "the clipping limit in standard deviations")
     if ceiling != np.inf:
-        above_zero("ceiling", ceiling, "a variance relative to θ(0)², or infinity")
+        above_zero("ceiling", ceiling, "the limit on the relative variance")
     p, P0, prior = len(design.theta0), design.P0, np.diag(design.P0)
     arrays = first_arrays(
         design,
@@ -147,9 +149,10 @@ def recursion(
 @inlined
 def measure(state, y, valid):
     """
-    Perform the measurement update of η, P and Σ, eq. (5)–(7), and restrict η to its bounds.
+    Update η, P and Σ with a measurement by equations (5)–(7), and restrict η to its bounds.
 
-    If the filter corrects its state, the state and the output follow the change of θ, x ← x + z Δθ.
+    A filter that corrects its state also adds the effect z Δθ of the parameter change to its state
+    and output.
     """
     now, theta, psi = state.now[0], state.theta, state.psi
     gain, reach, before = state.gain, state.reach, state.before
@@ -189,7 +192,7 @@ def measure(state, y, valid):
 
 @inlined
 def _limited(now):
-    """Return the residual, clipped to the largest size allowed for a single sample."""
+    """Return the residual after clipping to the largest magnitude allowed for one sample."""
     surprise = now["innovation"]
     if now["clip"] > 0.0 and not np.isnan(now["innovation_variance"]):
         finest = max(now["noise"], LINEAR**2 * now["signal"])
@@ -202,7 +205,7 @@ def _limited(now):
 
 @inlined
 def _sticks(now, y):
-    """Return whether to ignore y because the sensor is stuck or the filter has to be reset."""
+    """Return whether the filter must ignore y because the sensor is stuck or a reset is pending."""
     noise = now["noise"] if is_known(now) else now["earlier"]
     if is_stuck(now, y, now["prediction"], noise * now["scale"]):
         return True
@@ -213,7 +216,7 @@ def _sticks(now, y):
 
 @inlined
 def form(P, psi, gain):
-    """Write P ψ into ``gain``, and return ψᵀ P ψ."""
+    """Write the product P ψ to ``gain``, and return the quadratic form ψᵀ P ψ."""
     total = 0.0
     for i in range(len(psi)):
         gain[i] = 0.0
@@ -226,14 +229,15 @@ def form(P, psi, gain):
 @inlined
 def _learn(now, psi, square):
     """
-    Update R̂ with a squared residual, and return whether the axis is excited.
+    Update the noise variance R̂ with a squared residual, and return whether the axis is excited.
 
-    R̂ is the exact mean over the first samples and then an exponential mean. R̂ is not updated while
-    the axis is not excited.
+    The noise variance R̂ is the arithmetic mean over the first samples and later an exponentially
+    weighted mean. R̂ is constant while the axis is not excited.
 
-    R̂ is learnt from the whole residual, whereas `filters.noise` also uses its third difference. A
-    predictor has no process noise, so R̂ must include the errors of the model. Otherwise the NEES
-    on an axis with unmodelled friction is five times worse, and resets are too frequent.
+    R̂ is computed from the residual itself, whereas `filters.noise` also uses the third difference
+    of the innovation. The predictor has no process noise, so R̂ must include the model errors. If
+    R̂ excluded model errors, the NEES for an axis with unmodelled friction would be five times
+    worse, and resets would be too frequent.
     """
     excitation = 0.0
     for i in range(len(psi)):
@@ -251,7 +255,7 @@ def _learn(now, psi, square):
 
 @inlined
 def grow(P, column, forgetting, drift, regularization):
-    """Update P (p, p) by eq. (9) or (10) and regularise it by (12); overwrite ``column`` (p,)."""
+    """Update P (p, p) by equation (9) or (10), and then by (12); ``column`` (p,) is overwritten."""
     p = len(P)
     for i in range(p):
         for j in range(p):
@@ -267,9 +271,9 @@ def grow(P, column, forgetting, drift, regularization):
 @inlined
 def bound_P(state):
     """
-    Scale P so that R̂ P stays below the ceiling; while R̂ is unknown, an early ceiling limits P.
+    Limit the diagonal of R̂ P, or the diagonal of P itself while R̂ is still unknown.
 
-    After a reset, P may be larger until the data have reduced it again.
+    After a reset of P, the diagonal can exceed the limit until the data have reduced P again.
     """
     now, P, prior = state.now[0], state.P, state.prior
     granted, most = state.granted, state.gain  # reuse the memory of the gain
@@ -283,5 +287,5 @@ def bound_P(state):
 
 
 def read_claim(state: Memory) -> tuple[Array, Array]:
-    """Return η (p,) and the claimed covariance R̂ Σ (p, p) of η."""
+    """Return the parameter estimate η (p,) and its claimed covariance R̂ Σ (p, p)."""
     return state["theta"], state["noise"] * state["claim"]

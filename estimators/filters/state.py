@@ -1,4 +1,4 @@
-"""Common parts of all filters: scalar variables, model and states, bounds on P and θ."""
+"""Components that all filters use: scalar variables, initial arrays, and bounds on P and θ."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -85,22 +85,23 @@ NUMBERS = np.dtype(
         ("sums", float, 4),  # variables of a rule of forgetting
     ]
 )
-"""The record type for all scalars of a filter, both tuning values and variables."""
+"""NumPy record type of all scalar settings and variables of a filter."""
 _UNSET = "prediction", "innovation", "innovation_variance", "reading", "rails", "earlier"
 
 
 def first_arrays(design: Design, width: int, **more: ArrayLike) -> dict[str, NDArray]:
     """
-    Return the initial values of the arrays that all filters have in common, keyed by name.
+    Return the initial values of the arrays that all filters use, keyed by array name.
 
-    The axis is at rest. R is learnt if the design does not specify the noise.
+    The axis is initially at rest. The filter estimates the noise variance R if the design does not
+    specify the noise.
 
     Parameters
     ----------
     design : Design
     width : int
-        Number of values for each state: the state itself and its derivatives.
-    **more
+        Number of stored values for each state, which are the state itself and its derivatives.
+    **more : array_like
         Initial values of further scalar variables.
     """
     model, lanes, period = design.model, padded(width), design.period
@@ -126,13 +127,13 @@ def first_arrays(design: Design, width: int, **more: ArrayLike) -> dict[str, NDA
 
 @inlined
 def is_known(now):
-    """Return whether R is specified, or was learnt from enough samples."""
+    """Return whether the noise variance R is specified or was estimated from enough samples."""
     return now["samples"] >= KNOWN or now["known"] > 0.0
 
 
 @inlined
 def bound(P, ceiling):
-    """Scale rows and columns of P (m, m) so that no variance exceeds its ceiling (p,)."""
+    """Scale rows and columns of P (m, m) so that each variance is at most its ``ceiling`` (p,)."""
     for i in range(len(ceiling)):
         if P[i, i] > ceiling[i]:
             factor = np.sqrt(ceiling[i] / P[i, i])
@@ -143,14 +144,14 @@ def bound(P, ceiling):
 
 @inlined
 def project(theta, lower, upper):
-    """Restrict the first elements of θ to their bounds."""
+    """Clip the first elements of θ to the interval from ``lower`` to ``upper``."""
     for i in range(len(lower)):
         theta[i] = np.minimum(np.maximum(theta[i], lower[i]), upper[i])  # NaN remains NaN
 
 
 @inlined
 def subtract(P, v, w):
-    """Compute P ← P − w v vᵀ for one triangle and mirror the result, so that P stays symmetric."""
+    """Subtract w v vᵀ from P; the lower triangle is copied, so that P remains symmetric."""
     for i in range(len(P)):
         for j in range(i + 1):
             P[i, j] -= w * v[i] * v[j]

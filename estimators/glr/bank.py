@@ -1,28 +1,30 @@
 """
-A bank of hypotheses for a Kalman filter, in compiled code.
+A bank of parameter jump hypotheses for a Kalman filter, in compiled code.
 
-Each hypothesis states that the parameter θ_i jumped at sample k₀, which is called the onset. A jump
-of size one changes the error of the filter by a vector δ. At the onset, δ is the unit vector e_i.
-With the output row h, the transition matrix F and the gain K of the filter in
-`flexaxis.estimators.filters.joint`, the update of each sample is
+Each hypothesis states that one parameter θ_i jumped at the sample k₀, which is called the onset of
+the jump. A parameter jump of size one changes the filter error by a vector δ. At the onset of a
+jump, δ is the unit vector e_i. Let h be the output row, F the transition matrix and K the gain of
+the filter in `flexaxis.estimators.filters.joint`. The following equations update a hypothesis by
+one sample:
 
     φ = hᵀδ,  J ← J + φ²/S,  d ← d + φ e/S,  δ ← F δ − K φ.
 
-The estimated size of the jump is ν̂ = d/(J + κ/σ²), and the log evidence of the jump is
+The estimated jump size is ν̂ = d/(J + κ/σ²). The log evidence ℓ of the jump is the following sum:
 
     ℓ = ½ d²/(J + κ/σ²)/κ − ½ ln(1 + J σ²/κ) + ln(prior),
 
-where σ is the standard deviation of jump sizes (A. S. Willsky and H. L. Jones, *A generalized
-likelihood ratio approach to the detection and estimation of jumps in linear systems*, IEEE Trans.
-AC 21 (1976) 108–112). κ ≥ 1 is the mean of the part of e²/S that no hypothesis explains. If the
-model is wrong, κ is large and reduces the evidence of all hypotheses equally. The estimate of θ is
-the mean over "no jump" and all hypotheses.
+The parameter σ is the standard deviation of the jump sizes. The formulas for jump size and evidence
+follow *A generalized likelihood ratio approach to the detection and estimation of jumps in linear
+systems* (Willsky and Jones, 1976). The factor κ ≥ 1 is the mean of e²/S after the contribution of
+the best hypothesis has been subtracted. If the model is wrong, κ is large and reduces the evidence
+of all hypotheses equally. The parameter estimate is the weighted mean over all hypotheses,
+including the hypothesis that no parameter jumped.
 
-The grid of onsets becomes coarser towards the past. Level 0 contains the last `PER_LEVEL` multiples
-of a spacing. Each further level contains the next `MORE` multiples of twice the spacing of the
-level before. An onset that is `PER_LEVEL` spacings old moves to the next level if that level has a
-slot for it, and is dropped otherwise. Each onset therefore occurs once and represents all onsets
-within its spacing.
+The grid of onset times becomes coarser towards the past. Level 0 of the grid contains the last
+`PER_LEVEL` onsets at the finest spacing. Each further level contains the `MORE` preceding onsets at
+twice the spacing of the level before. When an onset is `PER_LEVEL` spacings old, it moves to the
+next level if it lies on the coarser grid of that level, and is dropped otherwise. Each onset
+therefore occurs once and represents all jump times within one grid spacing.
 """
 
 from typing import NamedTuple
@@ -41,14 +43,14 @@ FIRM = 20.0  # weight of the initial κ in samples, which prevents large changes
 
 class Columns(NamedTuple):
     """
-    Columns δ of H hypotheses, and the sums that determine the size of each jump.
+    The columns δ of H hypotheses, and the sums that determine the jump size of each hypothesis.
 
     Attributes
     ----------
     D, moved : (m, H), (n+1, H) arrays
-        All columns δ, and the predicted effects of these columns on states and output.
+        All columns δ, and the predicted effect of each column on states and output.
     J, d : (H,) arrays
-        Sums of φ²/S and of φ e/S for each column.
+        Sums of φ²/S and of φ e/S over the samples, for each column δ.
     """
 
     D: Matrix
@@ -66,10 +68,11 @@ def level_of(slot):
 @fused
 def correct(columns, state, e, S):
     """
-    Update columns by a measurement: φ = hᵀδ/√S, J ← J + φ², d ← d + φ z, δ ← F δ − K φ.
+    Update all columns δ by a measurement.
 
-    The function returns z = e/√S, or 0 if e is NaN because the measurement is missing. The array
-    ``moved`` must contain G δ.
+    With φ = hᵀδ/√S, the updates are J ← J + φ², d ← d + φ z and δ ← F δ − K √S φ. The function
+    returns z = e/√S, or 0 if e is NaN because the measurement is missing. Before the call, the
+    array ``moved`` must contain the product G δ.
     """
     D, moved, J, d, gain = columns.D, columns.moved, columns.J, columns.d, state.gain
     n, p, seen = len(moved) - 1, len(state.lower), moved[-1]
@@ -93,7 +96,7 @@ def correct(columns, state, e, S):
 
 @inlined
 def open_slots(bank, state, now):
-    """Start the hypotheses of this sample; move older onsets to the next level or drop them."""
+    """Start the hypotheses for jumps at sample ``now``, and move older onsets to coarser levels."""
     onset, base = bank.onset, bank.now[0]["base"]
     last = level_of(len(onset) - 1)
     for level in range(last, -1, -1):  # the highest level first, so no onset is overwritten
@@ -111,13 +114,13 @@ def open_slots(bank, state, now):
 
 @inlined
 def _slot(level, number):
-    """Return the slot of the onset at ``number`` times the spacing of its level."""
+    """Return the slot that stores the onset with the index ``number`` on a grid level."""
     return number % PER_LEVEL if level == 0 else MORE * (1 + level) + number % MORE
 
 
 @inlined
 def _move(bank, row, to):
-    """Move an onset and its hypotheses from one slot to another."""
+    """Move an onset and all its hypotheses from slot ``row`` to slot ``to``."""
     columns, q = bank.columns, len(bank.which)
     bank.onset[to] = bank.onset[row]
     bank.chi2_at[to], bank.used_at[to] = bank.chi2_at[row], bank.used_at[row]
@@ -132,7 +135,7 @@ def _move(bank, row, to):
 
 @inlined
 def _begin(bank, state, row, now):
-    """Start the hypotheses of an onset at sample ``now``, and store the state of the filter."""
+    """Start all hypotheses with a jump at sample ``now``, and store the current filter state."""
     columns, kept = bank.columns, bank.kept[row]
     m, q, p = len(state.P), len(bank.which), len(state.lower)
     bank.onset[row] = now
@@ -151,10 +154,10 @@ def _begin(bank, state, row, now):
 @fused
 def weigh(bank, now):
     """
-    Store κ and the size and weight of every hypothesis; return the log odds of any jump.
+    Store κ and the jump sizes and weights of all hypotheses; return the log odds of any jump.
 
-    The code computes exp ℓ = exp(½ d ν̂/κ) prior/√(1 + J σ²/κ), with a square root instead of a
-    logarithm.
+    The code computes exp ℓ = exp(½ d ν̂/κ) prior/√(1 + J σ²/κ), because a square root is faster
+    than the logarithm in ℓ.
     """
     J, d, size, weight, b = bank.columns.J, bank.columns.d, bank.size, bank.weight, bank.now[0]
     precision, prior = bank.precision, bank.prior
@@ -197,7 +200,7 @@ def weigh(bank, now):
 
 @summed
 def _total(a):
-    """Return Σ a_c; the compiler may change the order of the summands."""
+    """Return the sum of all elements of a; the compiler can change the order of the summands."""
     total = 0.0
     for c in range(len(a)):
         total += a[c]
@@ -206,7 +209,7 @@ def _total(a):
 
 @fused
 def mean_of(bank, theta, lower, upper):
-    """Store the mean of θ (p,) over all hypotheses, limited by the bounds of θ."""
+    """Store the mean of θ (p,) over all hypotheses, clipped to the parameter bounds."""
     mixed, columns = bank.mixed, bank.columns
     part = columns.moved[-1]  # no longer needed in this sample, so its memory is reused
     for c in range(len(part)):
@@ -217,7 +220,7 @@ def mean_of(bank, theta, lower, upper):
 
 @summed
 def _sum(a, b):
-    """Return Σ a_c b_c; the compiler may change the order of the summands."""
+    """Return the scalar product of a and b; the compiler can change the order of the summands."""
     total = 0.0
     for c in range(len(a)):
         total += a[c] * b[c]

@@ -1,13 +1,14 @@
 """
-Search for unknown cogging, a torque that is periodic in the motor angle, during initialisation.
+Search for an unknown cogging torque, which is periodic in the motor angle.
 
-A motor torque c B(φ) that the model does not contain changes the error of the filter by c δ. For a
-jump, δ starts as a unit vector (`flexaxis.estimators.glr.bank`). For cogging, δ starts at zero, and
-every sample adds the effect of the torque B: δ ← F δ − K φ + Γ B. J and d of a column therefore
-determine the coefficient c and its evidence. The functions B are the sine and cosine of each whole
-number of waves per revolution, which are uncorrelated over many revolutions. If the evidence of the
-strongest wave is sufficient, a filter that includes this wave as a cogging law continues from the
-current state.
+The search for cogging takes place during the initialisation of the estimator. A motor torque c B
+that is missing in the model changes the filter error by c δ. For a parameter jump, the vector δ
+starts as a unit vector (`flexaxis.estimators.glr.bank`). For cogging, δ starts at zero, and each
+sample adds the effect of the torque B, so that δ ← F δ − K φ + Γ B. The sums J and d for δ
+therefore determine the torque coefficient c and the evidence for the torque B. The search tests the
+sine and the cosine of each integer number of waves per revolution. All sines and cosines are
+mutually uncorrelated over many revolutions. If the evidence for the strongest wave is sufficient, a
+filter whose model includes this wave continues from the current state.
 """
 
 from typing import NamedTuple
@@ -28,14 +29,14 @@ FASTEST = 2.0  # radians, largest phase advance of a wave per sample at the rms 
 
 class Waves(NamedTuple):
     """
-    Sine and cosine of K waves, the torques that are tested for cogging.
+    Sines and cosines of K waves, which are the torques that the cogging search tests.
 
     Attributes
     ----------
     columns : Columns
-        One column for each sine and each cosine.
+        One column δ for the sine and one for the cosine of each wave.
     pull : (2K,) array
-        Value of each sine and cosine in the last sample.
+        Values of all sines and cosines in the last sample.
     """
 
     columns: Columns
@@ -44,7 +45,7 @@ class Waves(NamedTuple):
 
 @inlined
 def look_for_waves(b, pull, now, axis):
-    """Update the motor angle, and store the sine and cosine of each wave in the last sample."""
+    """Update the motor angle, and store the sine and cosine of each wave at this angle."""
     speed, read = axis.lanes[1, 0, 0], now["prediction"]  # mean speed of friction, the first law
     if not np.isnan(now["innovation"]):  # the angle of a wrong model would soon be wrong
         read += now["innovation"]
@@ -59,7 +60,7 @@ def look_for_waves(b, pull, now, axis):
 
 @fused
 def carry_waves(waves, axis, G):
-    """Propagate the columns over the last sample, and add the effect of the torques."""
+    """Propagate the columns δ of all waves by one sample, and add the effects of the waves."""
     moved, pull, response = waves.columns.moved, waves.pull, axis.response
     multiply(G, waves.columns.D, moved)
     for i in range(len(moved)):  # response to friction, with the opposite sign
@@ -71,7 +72,7 @@ def carry_waves(waves, axis, G):
 
 @inlined
 def begin_waves(b, waves):
-    """Restart the search for waves when the axis starts to move."""
+    """Restart the search for cogging waves when the axis starts to move."""
     waves.columns.D[:] = 0.0
     b["angle"] = b["read"] = 0.0
     begin_sums(b, waves)
@@ -79,7 +80,7 @@ def begin_waves(b, waves):
 
 @inlined
 def begin_sums(b, waves):
-    """Set all evidence to zero, to exclude the large innovations of the first samples."""
+    """Reset the evidence for all waves, to exclude the large innovations of the first samples."""
     waves.columns.J[:] = 0.0
     waves.columns.d[:] = 0.0
     b["repeated"] = b["z_before"] = b["chi2"] = b["used"] = 0.0
@@ -87,24 +88,27 @@ def begin_sums(b, waves):
 
 def strongest_wave(bank: Memory, variance: float) -> tuple[int, float, float] | None:
     """
-    Return the wave that best explains the initialisation data, with its two coefficients.
+    Return the cogging wave that fits the initialisation data best, with its two coefficients.
 
-    A wave reduces the sum χ² of e²/S over n samples by Δ. Because the scale of χ² is unknown, the
-    evidence is ½ n ln(χ²/(χ² − Δ)). The evidence is reduced by ½ ln n for each unknown, and by the
-    logarithm of the number of waves. If ρ is the correlation of successive innovations without the
-    wave, (1+ρ)/(1−ρ) samples count as one. The explained part is treated as fully correlated.
+    Let χ² be the sum of e²/S over n samples, and let Δ be the decrease of χ² due to a wave. Because
+    the scale of χ² is unknown, the evidence for a wave is ½ n ln(χ²/(χ² − Δ)). The evidence is
+    reduced by ½ ln n for each unknown of the wave, and by the logarithm of the number of tested
+    waves. If successive innovations have the correlation ρ after subtraction of the wave,
+    (1+ρ)/(1−ρ) samples count as one. The correlation ρ is computed as if the part of the
+    innovations due to the wave were fully correlated.
 
     Parameters
     ----------
     bank : Memory
-        Memory of the filter after initialisation.
+        Memory of the hypothesis bank after the first pass over the initialisation data.
     variance : float
-        Prior variance of the coefficients [(N m)²].
+        Prior variance of the two wave coefficients [(N m)²].
 
     Returns
     -------
     (waves, sine, cosine) or None
-        Number of waves per revolution, and coefficients [N m]; None if no wave has enough evidence.
+        Number of waves per revolution and the two wave coefficients [N m], or None if the evidence
+        for every wave is too small.
     """
     chi2, used, waves = float(bank["chi2"]), float(bank["used"]), len(bank["pull"]) // 2
     if not waves or used < UNKNOWN or not chi2 > 0:

@@ -1,13 +1,14 @@
 """
-The decision which parameter jumped: the filter is re-run once for each candidate.
+The decision about which parameter jumped, based on a filter re-run for each candidate jump.
 
-A column of the bank is linear in the size of a jump and is accurate only for small jumps. Therefore
-each of a few parameters becomes a candidate with its most probable onset. The filter processes the
-samples since this onset again, from the state stored at the onset and with the jump applied. One
-column then determines a Gauss–Newton step of the size, and at most `PASSES` such steps are taken.
-The candidates are compared by the remaining Σ e²/S and by the priors of sizes and onsets. Until one
-candidate leads, the estimate is the mean over all hypotheses. After a candidate is accepted, the
-others are compared with it again a few times and may still replace it.
+The hypothesis bank approximates the effect of a parameter jump as linear in the jump size, which is
+accurate only for small jumps. Therefore the few parameters with the most probable jumps become
+candidates, each with its most probable onset. For each candidate, the filter starts from the stored
+state with the jump applied, and processes the samples since the onset again. Each pass yields one
+Gauss–Newton step of the jump size, and at most `PASSES` steps are carried out. The comparison ranks
+the candidates by their remaining Σ e²/S and by their prior probabilities. Until one candidate leads
+clearly, the estimate is the mean over all hypotheses. After the estimator has accepted a candidate,
+it repeats the comparison with the rivals a few times, and a rival can still replace the candidate.
 """
 
 from collections.abc import Sequence
@@ -38,38 +39,38 @@ Z95 = 1.96  # half width of a 95 % interval in standard deviations
 @dataclass
 class _Candidate:
     """
-    A candidate: a jump of one parameter at one onset.
+    A candidate jump, in which one parameter jumps at one onset.
 
     Attributes
     ----------
     index : int
-        Index of the parameter in θ.
+        Index of the jumping parameter in θ.
     variance : float
-        Prior variance of jumps of the parameter.
+        Prior variance of the jump size.
     onset : int
-        Sample at which the parameter jumps.
+        Index of the sample at which the parameter jumps.
     size : float
-        Size of the jump in units of the scale.
+        Jump size in units of the parameter scale.
     xi, P : (m,), (m, w) arrays
         State and covariance of the filter at the onset.
     chi2 : float
-        Σ e²/S of the filter until the onset.
+        Sum of e²/S over all samples until the onset.
     path : float
-        Log prior of this jump and of all jumps that were accepted before it.
+        Log prior of this jump and of all jumps that were accepted before this jump.
     spread : float
-        Standard deviation of the size over the probable onsets of the bank.
+        Standard deviation of the jump size over the probable onsets in the hypothesis bank.
     instead : bool
-        Whether the candidate would replace the last finding and not follow it.
+        Whether the candidate would replace the last detected jump instead of following it.
     evidence : float
-        Log-likelihood ratio of the candidate and the filter without this jump.
+        Log-likelihood ratio between the filter with and the filter without this candidate jump.
     deviation : float
-        Standard deviation of the size.
+        Standard deviation of the jump size.
     penalty : float
-        Log prior of the candidate, including the prior of the size.
+        Log prior of the candidate jump, including the prior of the jump size.
     total : float
-        Σ e²/S of all samples with the jump applied.
+        Sum of e²/S over all samples if the candidate jump is applied.
     passes : int
-        Number of Gauss–Newton steps so far.
+        Number of completed Gauss–Newton steps.
     """
 
     index: int
@@ -90,29 +91,29 @@ class _Candidate:
 
     @property
     def before(self) -> float:
-        """Value of the parameter at the onset."""
+        """Value of the jumping parameter at the onset, before the jump."""
         return float(self.xi[self.index]) or 1e-12
 
 
 class Comparison:
     """
-    The candidates under comparison, and the detected jumps.
+    The comparison of candidate jumps, and the list of detected jumps.
 
     Parameters
     ----------
     work : Workspace
-        Memory of the filter.
+        Memory of the glr estimator.
     origin : int
-        Sample at which the filter started.
+        Index of the sample at which the filter started.
     findings : sequence of Finding
-        Jumps that were detected before this start.
+        Jumps that were detected before the filter started at ``origin``.
 
     Attributes
     ----------
     origin : int
-        Sample at which the filter started.
+        Index of the sample at which the filter started.
     findings : list of Finding
-        All jumps that were detected so far.
+        All jumps that have been detected so far.
     """
 
     def __init__(self, work: Workspace, origin: int, findings: Sequence[Finding]) -> None:
@@ -122,11 +123,11 @@ class Comparison:
         self.forget()
 
     def begin(self) -> None:
-        """Compare the best candidates of the bank, and those that may replace the last finding."""
+        """Compare the best hypotheses of the bank and the rivals of the last detected jump."""
         self._compare([*self._best(), *self._rest])
 
     def review(self) -> None:
-        """Compare the last finding again with its rivals, and update its size."""
+        """Compare the last detected jump with its rivals again, and update the jump size."""
         self._others: list[float] = []  # evidence of the other parameters
         rest, states, last = self._rest, self._work.states, self._last
         theta, P = states["theta"][0, last.index], states["P"][0, last.index, last.index]
@@ -136,7 +137,7 @@ class Comparison:
             self._compare(rest)
 
     def forget(self) -> None:
-        """Make the last finding final, and clear all candidates."""
+        """Declare the last detected jump final, and clear all candidates."""
         self._work.bank["due"] = NEVER
         self._candidates: list[_Candidate] = []
         self._todo: list[_Candidate] = []
@@ -144,7 +145,7 @@ class Comparison:
         self._chosen: _Candidate | None = None
 
     def go_on(self) -> bool:
-        """Continue after a pass has ended; return whether a jump was detected."""
+        """Continue the comparison after a pass has ended; return whether a jump was detected."""
         if self._chosen is not None:
             return self._take(self._chosen)
         candidate = self._todo[0]
@@ -164,7 +165,7 @@ class Comparison:
         return False
 
     def _best(self) -> list[_Candidate]:
-        """Return a candidate for each of the most probable parameters, with its best onset."""
+        """Return candidates for the most probable jumping parameters, each with its best onset."""
         bank, which = self._work.bank, self._work.bank["which"]
         fields = (bank[name].reshape(-1, len(which)) for name in FIELDS)
         J, d, size, precision, prior = fields
@@ -210,13 +211,13 @@ class Comparison:
         self._pass(self._todo[0], self._now)
 
     def _inside(self, candidate: _Candidate) -> float:
-        """Return the size of a jump, limited by the bounds of the parameter."""
+        """Return the jump size, limited so that the parameter remains within its bounds."""
         i, design = candidate.index, self._work.design
         start = candidate.xi[i]
         return float(np.clip(start + candidate.size, design.lower[i], design.upper[i]) - start)
 
     def _pass(self, candidate: _Candidate, end: int | None) -> None:
-        """Start to filter the samples since the onset again, with the jump applied."""
+        """Start a pass over all samples since the onset, with the candidate jump applied."""
         i, bank = candidate.index, self._work.bank
         candidate.size = self._inside(candidate)
         xi = candidate.xi.copy()
@@ -226,7 +227,7 @@ class Comparison:
         bank["one_D"][i] = 1.0
 
     def _weigh(self, candidate: _Candidate) -> float:
-        """Return the Gauss–Newton step after a pass, and update the evidence."""
+        """Return the Gauss–Newton step after a pass, and update the candidate's evidence."""
         bank = self._work.bank
         J, d = (float(bank[name][0]) / self._kappa for name in ("one_J", "one_d"))
         prior = 1.0 / candidate.variance
@@ -244,7 +245,7 @@ class Comparison:
         return step
 
     def _decide(self) -> None:
-        """Accept the best candidate if its lead is large enough; otherwise wait."""
+        """Accept the best candidate if its lead is large enough; otherwise wait for more data."""
         best = max(self._candidates, key=lambda c: c.evidence)
         self._rest = [c for c in self._rest if c.evidence > -HOPELESS]
         others = [
@@ -263,7 +264,7 @@ class Comparison:
             bank["patience"] = self._now + max(1, (self._now - best.onset) // AGAIN)
 
     def _take(self, chosen: _Candidate) -> bool:
-        """Continue from the accepted candidate; return whether the jump is reported."""
+        """Continue from the accepted candidate; return whether a new jump is reported."""
         work, self._chosen = self._work, None
         bank = work.bank
         step, delta = self._weigh(chosen), bank["one_D"][:, 0].copy()
@@ -291,7 +292,7 @@ class Comparison:
         return told and not chosen.instead
 
     def _schedule(self) -> None:
-        """Schedule the next review of the last finding, or make it final."""
+        """Schedule the next review of the last detected jump, or declare this jump final."""
         work, onset = self._work, self._last.onset
         reviews = (onset + round(part * work.timing.review) for part in REVIEWS)
         work.bank["due"] = next((at for at in reviews if at > work.now), NEVER)
@@ -299,7 +300,7 @@ class Comparison:
             self.forget()
 
     def _tell(self, chosen: _Candidate) -> bool:
-        """Store the detected jump, and return whether it is large enough to report."""
+        """Store the detected jump, and return whether the jump is large enough to be reported."""
         before = chosen.before
         if abs(chosen.size) < LEAST * abs(before):
             if chosen.instead:  # the replaced jump did not happen
@@ -319,6 +320,6 @@ class Comparison:
 
 
 def _sized(before: float, after: float, deviation: float) -> dict[str, Any]:
-    """Return the arguments ``ratio`` and ``interval`` of a `Finding`, with a 95 % interval."""
+    """Return the ratio of parameter values after and before a jump, with a 95 % interval."""
     ratio, half = after / before, Z95 * deviation / abs(before)
     return {"ratio": (float(ratio),), "interval": ((float(ratio - half), float(ratio + half)),)}

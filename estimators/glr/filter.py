@@ -1,4 +1,4 @@
-"""The estimator glr: a joint Kalman filter with a bank of hypotheses about jumps of parameters."""
+"""The estimator glr, a joint Kalman filter with a bank of hypotheses about parameter jumps."""
 
 from collections.abc import Sequence
 
@@ -22,32 +22,32 @@ COMPARING, LEARNING = 1 / 8, 3 / 4  # cost of a decision relative to the budget
 
 class Glr(RecursiveEstimator):
     """
-    A joint Kalman filter with a bank of hypotheses that learns the structure at initialisation.
+    A joint Kalman filter with a hypothesis bank and an initialisation phase.
 
     Parameters
     ----------
     plain : Workspace
-        Memory of the filter before the first sample.
+        Memory of the glr estimator before the first sample.
     rich : Workspace, optional
-        Memory of a filter with cogging as the last law, which is used if cogging is found.
+        Memory of a filter with cogging, which replaces ``plain`` if the data contain cogging.
 
     Attributes
     ----------
     theta, covariance : (p,), (p, p) arrays
-        Mean and covariance of the tracked parameters over all hypotheses.
+        Mean and covariance of the tracked parameters over all jump hypotheses.
     findings : tuple of Finding
-        Detected jumps. A jump may be attributed to another parameter for up to 2.6 time scales
-        after its onset.
+        Detected parameter jumps. The estimator can still attribute a jump to another parameter for
+        up to 2.6 axis time scales after the onset.
     alarm : bool
-        Whether a jump was detected in the last sample.
+        Whether the estimator detected a parameter jump in the last sample.
     learnt : dict of str to (float, float)
-        Value and standard deviation of every parameter, by name.
+        Estimated value and standard deviation of every parameter, keyed by parameter name.
     beliefs : dict of str to float
-        Probability that each parameter has jumped at one of the onsets in the bank.
+        Probability of a jump at any onset in the hypothesis bank, keyed by parameter name.
     fixed_because : dict of str to str
-        Parameters that were not learnt, with the reason.
+        Reason why a parameter was fixed at its nominal value, keyed by parameter name.
     cogging : int
-        Number of cogging waves per revolution; 0 if no cogging was found.
+        Number of cogging waves per revolution, or 0 if the search found no cogging.
     """
 
     def __init__(self, plain: Workspace, rich: Workspace | None = None) -> None:
@@ -60,7 +60,7 @@ class Glr(RecursiveEstimator):
         self._begin_at(0, self._plain.copy())
 
     def _begin_at(self, origin: int, work: Workspace, findings: Sequence[Finding] = ()) -> None:
-        """Prepare the filter for the first sample, or for the first sample after a reset."""
+        """Prepare the filter for its first sample or for the first sample after a reset."""
         self._work, self._learning = work, FirstSeconds(work)
         self._comparison, self.alarm = Comparison(work, origin, findings), False
         self.fixed_because: dict[str, str] = {}
@@ -111,7 +111,7 @@ class Glr(RecursiveEstimator):
         estimates *= self._plain.design.scale[: len(self.names)]
 
     def _attend(self) -> None:
-        """Make the decision that is due after a sample, or postpone it if the budget is used up."""
+        """Make the decision that is due, or postpone the decision if it exceeds the budget."""
         work, bank = self._work, self._work.bank
         cost = int(BUDGET * (COMPARING if bank["awake"] else LEARNING))
         if work.states["anew"][0] > 0:
@@ -125,7 +125,7 @@ class Glr(RecursiveEstimator):
             self._decide()
 
     def _decide(self) -> None:
-        """Evaluate a completed pass over old samples, or start the next pass."""
+        """Evaluate a completed pass over old samples, or start the next pass over old samples."""
         work, bank = self._work, self._work.bank
         if not bank["awake"]:
             if work.busy:
@@ -140,7 +140,7 @@ class Glr(RecursiveEstimator):
             self._comparison.begin()
 
     def _take_up_cogging(self) -> bool:
-        """Switch to the filter with a cogging law if the data show cogging; return whether so."""
+        """Switch to the filter with cogging if the data contain cogging; return True if so."""
         work, wave = self._work, None
         if self._rich and work.bank["searching"]:
             wave = strongest_wave(work.bank, float(self._rich.design.scale[-2]) ** 2)
@@ -153,7 +153,7 @@ class Glr(RecursiveEstimator):
         return wave is not None
 
     def _begin_anew(self) -> None:
-        """Reset the covariance of the state after a stuck sensor, or reset the whole filter."""
+        """Reset the state covariance after a sensor was stuck, or reset the whole filter."""
         work, p = self._work, self._work.p
         P, begin = work.states["P"][0], work.begin["P"][0]
         if work.states["anew"][0] < 2 and work.bank["awake"]:

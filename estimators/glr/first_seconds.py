@@ -1,15 +1,17 @@
 """
-Initialisation: the structure of an axis is learnt from the first seconds of motion.
+The initialisation, which learns the structure of an axis from the first seconds of motion.
 
-The filter first processes these samples once like all other samples. Parameters that the samples
-hardly excite are then fixed at their nominal values. The filter processes the same samples again,
-each time from the latest estimates, as long as the likelihood grows.
+The filter first processes the initialisation samples in the same way as all other samples.
+Parameters that the initialisation samples hardly excite are then fixed at their nominal values. The
+filter processes the initialisation samples again, each time from the latest estimates, as long as
+the likelihood increases.
 
-Each pass starts at the latest estimates. Its initial information matrix is P(0)⁻¹ + D, where D is a
-tenth of the information after the samples were processed once. With P(0)⁻¹ alone, the first samples
-would cause large updates, and the result of the pass would be unreliable. At the end of each pass,
-D is subtracted from P⁻¹, so no sample counts twice. Let θ₀ be the prior mean and θ₀ + δ the start
-of the pass. With the new P, the final estimate θ is corrected by P (D (θ − θ₀ − δ) − P(0)⁻¹ δ).
+Each pass over the initialisation samples starts from the latest estimates. The initial information
+matrix of a pass is P(0)⁻¹ + D, where D is one tenth of the information after the first processing.
+With P(0)⁻¹ alone, the first samples would cause large updates, and the estimates of the pass would
+be unreliable. At the end of each pass, D is subtracted from P⁻¹, so no sample is counted twice. Let
+θ₀ be the prior mean, and let θ₀ + δ be the initial estimate of a pass. After the subtraction of D,
+the final estimate θ of the pass is corrected by P (D (θ − θ₀ − δ) − P(0)⁻¹ δ).
 """
 
 import numpy as np
@@ -31,12 +33,12 @@ LEAST = 0.9  # limit of the eigenvalues of P D, which the random walk of θ can 
 
 class FirstSeconds:
     """
-    The progress of the passes over the initialisation data.
+    The sequence of filter passes over the initialisation data.
 
     Parameters
     ----------
     work : Workspace
-        Memory of the filter.
+        Memory of the glr estimator.
     """
 
     def __init__(self, work: Workspace) -> None:
@@ -46,7 +48,7 @@ class FirstSeconds:
         self._next: Array | None = None  # initial θ of the next pass, if one is due
 
     def begin(self) -> dict[str, str]:
-        """Fix the parameters without sufficient excitation; return the reason for each of them."""
+        """Fix parameters without sufficient excitation; return the reason for each parameter."""
         work, bank, p = self._work, self._work.bank, self._work.p
         theta, P = work.states["theta"][0], work.states["P"][0]
         variance, told = np.diag(P)[:p], work.told
@@ -72,7 +74,7 @@ class FirstSeconds:
         return {work.names[i]: work.fixable[i] for i in fixed}
 
     def _pass(self, theta: Array) -> None:
-        """Start to filter the initialisation data again from θ (p,)."""
+        """Start another pass over the initialisation data from the estimate θ (p,)."""
         work, begin = self._work, self._work.begin["X"][0]
         xi = np.r_[theta, begin[: len(self._start) - work.p, 0]]
         work.go_through(xi, self._start, int(work.bank["born"]), first=False, end=None)
@@ -80,10 +82,10 @@ class FirstSeconds:
 
     def go_on(self) -> None:
         """
-        Evaluate a pass, set up the next pass, or end the initialisation.
+        Evaluate a pass over the initialisation data, and set up the next pass if necessary.
 
-        The evaluation and the setup take place after different samples, because each of them takes
-        as much time as many samples.
+        The evaluation of a pass and the setup of the next pass take place after different samples,
+        because each step requires the computing time of many samples.
         """
         work, states = self._work, self._work.states
         if self._next is not None:
@@ -102,7 +104,7 @@ class FirstSeconds:
         work.bank["awake"] = 1
 
     def _judge(self, theta: Array, P: Array) -> None:
-        """Schedule another pass from θ (p,) if it may improve the fit, or restore the best pass."""
+        """Schedule a pass from θ (p,) if a further pass can help, or restore the best pass."""
         bank, block = self._work.bank, self._work.states.block
         self._left -= 1
         if np.isfinite(P).all() and bank["cost_first"] < self._cost:
@@ -118,7 +120,7 @@ class FirstSeconds:
         bank["end"], self._left = bank["taken"], 0
 
     def _count_once(self, theta: Array, P: Array) -> None:
-        """Remove the information D, with which a pass started, from θ (p,) and P (m, w)."""
+        """Remove the initial information D of a pass from the estimate θ (p,) and from P (m, w)."""
         work, free = self._work, self._free
         columns, root = P[:, free].copy(), np.linalg.cholesky(self._open)
         left, ways = np.linalg.eigh(root.T @ columns[free] @ root)  # eigenvalues of P D, below one

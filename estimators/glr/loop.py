@@ -1,4 +1,4 @@
-"""The loop of the estimator glr over new samples, and over old samples that are filtered again."""
+"""The loop of the estimator glr, which filters new samples and filters old samples again."""
 
 import numpy as np
 
@@ -28,11 +28,11 @@ LOWEST = np.exp(-11.0)  # smallest variance of the torque noise relative to the 
 @loop
 def glr(blocks, at, bank_block, bank_at, u, y, valid, estimates, trace):  # noqa: PLR0917
     """
-    Process samples until a decision is due, and return the number of processed samples.
+    Process new samples until a decision is due, and return the number of processed samples.
 
     The argument ``blocks`` contains the memory of two joint filters. The second filter processes
-    old samples again, at most `BUDGET` of them for each new sample. The field ``left`` of the bank
-    is the unused part of this budget.
+    old samples again, at most `BUDGET` old samples for each new sample. The field ``left`` of the
+    hypothesis bank contains the unused part of the budget of old samples.
     """
     state, second = views(Joint, blocks[0], at), views(Joint, blocks[1], at)
     bank = views(Bank, bank_block, bank_at)
@@ -57,7 +57,7 @@ def glr(blocks, at, bank_block, bank_at, u, y, valid, estimates, trace):  # noqa
 
 @inlined
 def _measure(state, bank, u, y, valid):
-    """Check a sample for outliers, store it for the second filter, and update filter and bank."""
+    """Check a sample for outliers, store the sample, and update filter and hypothesis bank."""
     look(state)
     now = state.now[0]
     used = judge(now, y, valid, state.X[-1, 0], now["spread"])
@@ -70,7 +70,7 @@ def _measure(state, bank, u, y, valid):
 
 @inlined
 def _carry(bank, state, e, S):
-    """Propagate the columns of the bank over the last sample, and update them by a measurement."""
+    """Propagate the hypothesis columns by one sample, and update the columns by a measurement."""
     b, z = bank.now[0], 0.0
     if b["searching"] > 0:
         carry_waves(bank.waves, state.axis, state.G)
@@ -87,7 +87,7 @@ def _carry(bank, state, e, S):
 
 @inlined
 def _go_through(state, bank, latest):
-    """Let the second filter process as many old samples as the budget allows."""
+    """Process as many old samples with the second filter as the computing budget allows."""
     b = bank.now[0]
     while b["left"] > 0 and b["at"] < b["end"]:
         b["left"] -= 1
@@ -116,7 +116,7 @@ def _go_through(state, bank, latest):
 
 @inlined
 def _think(state, bank, estimates):
-    """Compute the weights of the hypotheses and the estimate; return whether a decision is due."""
+    """Compute hypothesis weights and parameter estimate; return whether a decision is due."""
     b, mixed = bank.now[0], bank.mixed
     now = b["taken"]
     b["taken"] = now + 1
@@ -142,7 +142,7 @@ def _think(state, bank, estimates):
 
 @inlined
 def _has_moved(b, waves, s, now):
-    """Return whether the axis has moved long enough to learn its structure."""
+    """Return whether the axis has moved long enough to learn the structure of the axis."""
     long = b["commissioning"]
     step = s["prediction"] - s["counts"] * b["last_prediction"]  # for an angle, its change
     b["last_prediction"] = s["prediction"]
@@ -163,11 +163,12 @@ def _has_moved(b, waves, s, now):
 @inlined
 def _follow_misfit(b, s):
     """
-    Update the lower limit of κ, a running mean of e²/S multiplied by (1+ρ)/(1−ρ).
+    Update the lower limit of the misfit κ, a running mean of e²/S multiplied by (1+ρ)/(1−ρ).
 
-    ρ is the correlation of successive innovations. The innovations of a wrong model are correlated,
-    and (1+ρ)/(1−ρ) of them count as one. The memory of the mean is much longer than the time
-    covered by the bank.
+    The factor ρ is the correlation of successive innovations. A wrong model leads to correlated
+    innovations, and (1+ρ)/(1−ρ) of these innovations contain as much information as one independent
+    innovation. The memory of the running mean is much longer than the time covered by the
+    hypothesis bank.
     """
     e, S = s["innovation"], s["innovation_variance"]
     if np.isnan(e) or not S > 0.0:

@@ -1,4 +1,4 @@
-"""The arrays of the bank of hypotheses before the first sample, and durations in samples."""
+"""Initial arrays of the hypothesis bank, and durations of the estimator glr in samples."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -36,20 +36,21 @@ BUDGET = 32  # largest number of old samples that are filtered again for each ne
 @dataclass(frozen=True)
 class Timing:
     """
-    Durations of the estimator glr in samples.
+    The durations in the estimator glr, in samples.
 
     Attributes
     ----------
     base : int
-        Spacing of onsets on the finest level of the bank.
+        Spacing of jump onsets on the finest level of the hypothesis bank.
     levels : int
-        Number of levels of the bank.
+        Number of levels of the hypothesis bank.
     first : int
-        Length of the initialisation; 0 for a known axis.
+        Length of the initialisation, or 0 if the structure of the axis is known.
     review : int
-        Time after an onset during which another parameter may replace the detected one.
+        Time after the onset of a jump during which another parameter can replace the detected
+        parameter.
     memory : int
-        Memory of the misfit of the model.
+        Averaging time of the model misfit κ.
     """
 
     base: int
@@ -60,17 +61,17 @@ class Timing:
 
     @property
     def span(self) -> int:
-        """Largest age of an onset in the bank."""
+        """Largest age of a jump onset in the hypothesis bank."""
         return self.base * PER_LEVEL * 2 ** (self.levels - 1)
 
 
 def time_scale(model: Model, period: float) -> float:
     """
-    Return the time constant of the slowest oscillation of an axis [s].
+    Return the time constant of the slowest oscillation of an axis, in seconds.
 
-    For an axis without oscillation, the time constant of the slowest pole is returned, limited to
-    `FEWEST` … `MOST` samples. The limit is necessary because the effect of a torque is visible long
-    before a motor coasts to rest.
+    For an axis without oscillation, the function returns the time constant of the slowest pole,
+    limited to the range from `FEWEST` to `MOST` samples. The limit is necessary because the effect
+    of a torque becomes visible long before a coasting motor comes to rest.
 
     Parameters
     ----------
@@ -88,11 +89,11 @@ def time_scale(model: Model, period: float) -> float:
 
 
 def lengths(model: Model, period: float, commissioning: float | None, known: bool) -> Timing:
-    """Return all durations in samples, computed from the time scale of the axis."""
+    """Return all durations of the estimator glr in samples, computed from the axis time scale."""
     scale = time_scale(model, period)
     if commissioning is None:
         commissioning = 0.0 if known else FIRST * scale
-    at_least_zero("commissioning", commissioning, "the duration of initialisation in seconds")
+    at_least_zero("commissioning", commissioning, "the initialisation time [s]")
     samples = scale / period
     base = max(1, round(samples / FINEST))
     levels = max(1, int(np.ceil(np.log2(SPAN * samples / (8 * base)))) + 1)
@@ -143,35 +144,36 @@ BANK = np.dtype(
     ]
     + [("mean_speed", float, 2)]
 )  # fmt: skip
-"""Data type of the scalar fields of a bank."""
+"""Data type of the scalar fields of a hypothesis bank."""
 
 
 class Bank(NamedTuple):
     """
-    A bank of H hypotheses: jumps of q parameters at the onset in each slot.
+    A bank of H hypotheses, one for each combination of a parameter and an onset.
 
     Attributes
     ----------
     now : (1,) array
-        Scalar fields of the data type `BANK`.
+        Scalar fields of the bank, with the data type `BANK`.
     which, variance, log_prior : (q,) arrays
-        Index of each parameter that may jump, with the prior variance and log prior of a jump.
+        Index in θ, prior jump variance and log prior of each parameter that can jump.
     told : Told
-        Groups of parameters that are drawn to nominal values.
+        Parameter groups that are shrunk towards nominal values.
     history : (length, 4) array
-        Ring buffer of the last samples: torque, output after the outlier check, R, torque noise.
+        Ring buffer of the latest samples, with torque, output after the outlier check, noise
+        variance R and torque noise.
     columns, one : Columns
-        Columns of all hypotheses, and the single column of the second filter.
+        The columns δ of all hypotheses, and the single column δ of the second filter.
     size, weight, precision, prior : (H,) arrays
-        Estimated size, weight, prior precision 1/σ² and log prior of every hypothesis.
+        Estimated jump size, weight, prior precision 1/σ² and log prior of each hypothesis.
     onset, chi2_at, used_at : (slots,) arrays
-        Onset in each slot, and the values of ``chi2`` and ``used`` at the onset.
+        Onset in each slot, and the values of the fields ``chi2`` and ``used`` at this onset.
     kept : (slots, m+1, w) array
-        P of the filter at each onset, with ξ as an additional last row.
+        Filter covariance P at each onset, with the filter state ξ as an additional last row.
     mixed : (p,) array
-        Mean of θ over all hypotheses.
+        Mean of the parameter estimates over all hypotheses.
     waves : Waves
-        Waves of the search for cogging.
+        Waves that the cogging search tests.
     """
 
     now: Annotated[NDArray[np.void], BANK, 1]
@@ -204,7 +206,7 @@ def bank_of(
     waves: int,
 ) -> Memory:
     """
-    Return the bank of `flexaxis.estimators.glr.loop.glr` before the first sample.
+    Return the initial hypothesis bank for `flexaxis.estimators.glr.loop.glr`.
 
     Parameters
     ----------
@@ -213,13 +215,14 @@ def bank_of(
     timing : Timing
         Durations in samples.
     which : (q,) sequence
-        Indices of the parameters that may jump.
+        Indices in θ of the parameters that can jump.
     log_prior : (q,) array
-        Logarithm of the probability that each of these parameters jumps in a sample.
+        Log probability that a parameter jumps in one sample, for each parameter that can jump.
     told : dict of str to array
-        Result of `flexaxis.estimators.filters.constrained.told_arrays`.
+        Arrays returned by `flexaxis.estimators.filters.constrained.told_arrays`.
     waves : int
-        Largest number of cogging waves per revolution in the search; 0 for no search.
+        Largest number of cogging waves per revolution that the search tests, or 0 to skip the
+        search.
     """
     n, p, q = design.model.states, len(design.scale), len(which)
     slots = PER_LEVEL + MORE * (timing.levels - 1)
@@ -259,6 +262,6 @@ def bank_of(
 
 
 def _columns(name: str, p: int, n: int, H: int) -> dict[str, Array]:
-    """Return the arrays of H `Columns` for p parameters and n states."""
+    """Return the arrays of H hypothesis columns for p parameters and n states."""
     sums = {name + "J": np.zeros(H), name + "d": np.zeros(H)}
     return {name + "D": np.zeros((p + n, H)), name + "moved": np.zeros((n + 1, H))} | sums

@@ -1,4 +1,4 @@
-"""The memory of a filter with a bank of hypotheses, and operations on it between samples."""
+"""The memory of a filter with a hypothesis bank, and operations on this memory between samples."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -22,26 +22,28 @@ class Workspace:
     Attributes
     ----------
     design : Design
-        Design of the filter, with the tracked parameters before those that are learnt once.
+        Design of the filter, in which the tracked parameters precede the parameters that are learnt
+        only once.
     timing : Timing
         Durations in samples.
     tracked : int
-        Number of tracked parameters, whose values are the output of the estimator.
+        Number of tracked parameters, whose estimates are the output of the estimator.
     told : dict of int to float
-        Values to which parameters are drawn unless the data contradict these values, in units of
-        the scale; see `flexaxis.estimators.filters.constrained`.
+        Nominal values, in units of the parameter scale, towards which the estimates are shrunk
+        (`flexaxis.estimators.filters.constrained`).
     fixable : dict of int to str
-        Parameters that are fixed if the data do not excite them, with the reason in words.
+        Parameters that are fixed if the data do not excite them, with the reasons in words.
     shapes : sequence of (indices, indices)
-        Levels of dry friction, and the parameters without effect while all these levels are zero.
+        Dry friction torques, and the parameters that have no effect if these friction torques are
+        zero.
     angle : int
-        Index of the motor angle in the state vector of a model that contains the angle.
+        Index of the motor angle in the state vector, for a model with the motor angle as a state.
     states : Memory
-        Two joint filters: the main filter, and a second filter that processes old samples again.
+        Memory of the main filter, and of a second filter that processes old samples again.
     bank : Memory
-        Bank of hypotheses.
+        Memory of the hypothesis bank.
     begin : Memory
-        Value of ``states`` before the first sample.
+        Initial value of ``states`` before the first sample.
     """
 
     design: Design
@@ -56,7 +58,7 @@ class Workspace:
     begin: Memory
 
     def copy(self) -> "Workspace":
-        """Return a copy that shares no memory with this object."""
+        """Return a copy of the workspace that shares no memory with the original."""
         memory = {name: getattr(self, name).copy() for name in ("states", "bank", "begin")}
         return replace(self, **memory)
 
@@ -101,7 +103,7 @@ class Workspace:
         return theta * scale, P * np.outer(scale, scale)
 
     def _between(self) -> Array:
-        """Return the covariance of θ due to uncertain hypotheses and uncertain jump sizes."""
+        """Return the part of the covariance of θ that is due to uncertain jumps and jump sizes."""
         bank = self.bank
         likely = np.flatnonzero(bank["weight"] > 1e-9)
         D, fields = bank["D"][: self.p, likely], ("weight", "size", "J", "precision")
@@ -117,13 +119,14 @@ class Workspace:
         Parameters
         ----------
         xi, P : (m,), (m, w) arrays
-            Initial estimate and covariance.
+            Initial estimate ξ of the pass, and covariance of this estimate.
         at : int
-            First sample of the pass.
+            Index of the first sample of the pass.
         first : bool
             Whether ``xi`` already includes the measurement of the first sample.
         end : int or None
-            First sample after the pass; None to include the samples that arrive during the pass.
+            Index of the first sample after the pass, or None to include all samples that arrive
+            during the pass.
         """
         bank, states, p = self.bank, self.states, self.p
         states.block[1] = states.block[0]
@@ -136,19 +139,19 @@ class Workspace:
         bank["end_follows"] = int(end is None)
 
     def move(self, direction: Array) -> None:
-        """Add ``direction`` (m,) to the last ξ of the second filter, and update its prediction."""
+        """Add ``direction`` (m,) to the estimate ξ of the second filter, and update the output."""
         theta, X, p = self.states["theta"][1], self.states["X"][1], self.p
         theta[:] = np.clip(theta + direction[:p], self.design.lower, self.design.upper)
         X[:, 0] += X[:, 1 : 1 + len(direction)] @ direction
 
     def adopt(self) -> None:
-        """Copy the estimates of the second filter to the main filter, but not the noise level."""
+        """Copy all estimates except the noise level from the second filter to the main filter."""
         for name in ("theta", "X", "P"):
             self.states[name][0] = self.states[name][1]
         self.empty()
 
     def empty(self) -> None:
-        """Remove all hypotheses from the bank, and stop the second filter."""
+        """Remove all hypotheses from the hypothesis bank, and stop the second filter."""
         bank = self.bank
         bank["onset"], bank["weight"], bank["busy"] = NEVER, 0.0, 0
         bank["end_follows"], bank["end"] = 0, bank["at"]
@@ -156,18 +159,19 @@ class Workspace:
 
 def take_up(plain: Workspace, rich: Workspace, wave: tuple[int, float, float]) -> None:
     """
-    Initialise a filter with a cogging law from the current state of a filter without this law.
+    Initialise a filter with cogging from the current state of a filter without cogging.
 
     Parameters
     ----------
     plain : Workspace
-        Memory of the filter without the cogging law, after the first pass of the initialisation.
+        Memory of the filter without cogging, after the first pass over the initialisation data.
     rich : Workspace
-        Memory of the filter with the cogging law, before the first sample; overwritten. Its last
-        three parameters are the sine, cosine and poles of cogging, and its states include the motor
-        angle. All other parameters and states are those of ``plain``.
+        Initial memory of the filter with cogging, which the function overwrites. The last three
+        parameters of the filter with cogging are the sine coefficient, the cosine coefficient and
+        the number of cogging waves. The state of this filter contains the motor angle. All other
+        parameters and states agree with the filter without cogging.
     wave : (waves, sine, cosine)
-        Result of `flexaxis.estimators.glr.cogging.strongest_wave`.
+        Cogging wave returned by `flexaxis.estimators.glr.cogging.strongest_wave`.
     """
     rich.bank["history"], rich.bank["now"] = plain.bank["history"], plain.bank["now"]
     rich.states["now"] = plain.states["now"]

@@ -1,6 +1,6 @@
-"""The estimators: each module defines one or more estimators and registers them.
+"""The estimation methods; each module defines and registers one or more estimators.
 
-A function constructs each estimator from a problem and options, using the packages `filters`,
-`glr`, `offline` and `models`. `estimators.registry` collects the entries from the variable ENTRIES
-of each module.
+For each estimator, a function constructs the estimator from a problem and options. The methods use
+the packages `filters`, `glr`, `offline` and `models`. The variable ENTRIES of each module contains
+the registry entries of the estimators.
 """

@@ -1,4 +1,4 @@
-"""Baselines: a constant estimate, and the paper's method with a restart at each true change."""
+"""Two baseline estimators: a constant estimate, and the paper's method with ideal restarts."""
 
 from collections.abc import Sequence
 
@@ -19,27 +19,28 @@ Array = NDArray[np.float64]
 
 class Frozen(RecursiveEstimator):
     """
-    A baseline with the constant estimate θ̂ = θ(0).
+    A baseline estimator whose estimate is always the initial value θ(0).
 
-    The estimator does not predict y and therefore has no innovations.
+    The baseline does not predict y and therefore has no innovations.
 
     Parameters
     ----------
     model : Model
     identify : sequence of str, optional
-        Names of parameters, or of their inverses; the model's attribute ``identify`` by default.
+        Names of the identified parameters or inverse parameters; by default, the model's attribute
+        ``identify``.
     output : {"speed", "increment", "angle"}
-        Kind of signal y, which the estimator ignores.
+        Type of the output signal y, which the baseline ignores.
 
     Attributes
     ----------
     covariance : (p, p) array
-        Covariance claimed by the estimator, which is zero.
+        Claimed covariance of the constant estimate, which is zero.
 
     Raises
     ------
     EstimatorError
-        If a parameter or the output is unknown.
+        If the name of a parameter or of the output is unknown.
     """
 
     def __init__(
@@ -63,7 +64,7 @@ class Frozen(RecursiveEstimator):
         return np.diag(0 * self._theta)
 
     def _start(self) -> None:
-        """Do nothing, because the estimator never changes."""
+        """Do nothing, because the constant estimate never changes."""
 
     def _take(
         self, u: Array, y: Array, valid: NDArray[np.bool_], estimates: Array, trace: Array
@@ -73,7 +74,7 @@ class Frozen(RecursiveEstimator):
 
 
 def _frozen(problem: Problem) -> Frozen:
-    """Return the estimator with a constant estimate."""
+    """Return the baseline estimator with a constant estimate."""
     return Frozen(problem.model, identify=problem.identify, output=problem.output)
 
 
@@ -82,21 +83,22 @@ SPREAD = 0.5  # standard deviation of an unknown change relative to θ, for fact
 
 class OracleReset(Rpem):
     """
-    The recursive prediction-error method (RPEM), restarted at the true times of change.
+    The recursive prediction-error method (RPEM), restarted at each true parameter change.
 
-    The method corrects the state for changes of θ. Because the true times are unknown in practice,
-    this estimator is only a baseline, which shows the benefit of perfect detection.
+    The method corrects the state when the estimate of θ changes. In practice the times of parameter
+    changes are unknown. The estimator is therefore only a baseline that shows the benefit of
+    perfect change detection.
 
     Parameters
     ----------
     problem : Problem
-        Task of the estimator.
+        Estimation problem with nominal values and sampling period.
     onsets : sequence of int
-        Samples at which parameters change.
+        Indices of the samples at which parameters change.
     forgetting : float, optional
-        Forgetting factor λ per sample.
+        Forgetting factor λ for each sample.
     spread : float
-        Standard deviation of a change, relative to θ.
+        Assumed standard deviation of a parameter change, relative to θ.
     """
 
     def __init__(
@@ -108,7 +110,7 @@ class OracleReset(Rpem):
         spread: float = SPREAD,
     ) -> None:
         self._onsets = sorted(onsets)
-        self._spread = above_zero("spread", spread, "a standard deviation relative to θ")
+        self._spread = above_zero("spread", spread, "the relative standard deviation")
         super().__init__(
             problem.model,
             **problem.forgetting_options("oracle-reset", forgetting),
@@ -138,10 +140,16 @@ class OracleReset(Rpem):
 
 
 ENTRIES = (
-    Entry("frozen", "a baseline with a constant estimate", _frozen, rank=99, told_noise=False),
+    Entry(
+        "frozen",
+        "a baseline estimator with a constant estimate",
+        _frozen,
+        rank=99,
+        told_noise=False,
+    ),
     Entry(
         "oracle-reset",
-        "a baseline: the paper's method, restarted at the true times of faults",
+        "a baseline estimator: the paper's method, restarted at the true time of each fault",
         OracleReset,
         knob="1-forgetting",
         default=0.995,

@@ -1,4 +1,4 @@
-"""The joint extended Kalman filter for the state and the parameters."""
+"""The extended Kalman filter that jointly estimates the state and the parameters."""
 
 from flexaxis.estimators.filters.design import Design
 from flexaxis.estimators.filters.fault_monitor import HEEDS_NOTHING
@@ -18,25 +18,29 @@ def joint_ekf(design: Design, **torque_noise: float) -> CompiledFilter:
     """
     Return an extended Kalman filter for ξ = [θ; x], where θ is a random walk.
 
-    The model is θ[k+1] = θ[k] + w, cov w = W; x[k+1] = f(x[k], θ[k], u[k]), exact for a held u;
-    y = h(x) + e, var e = σ². If y is an angle, noise also acts on the state that the torque drives;
-    see `flexaxis.estimators.filters.noise`. This is the textbook filter of L. Ljung, *Asymptotic
-    behavior of the extended Kalman filter as a parameter estimator for linear systems*, IEEE Trans.
-    AC 24 (1979). Unlike the prediction-error method, the filter also corrects the state. The
-    variance of θ_i is limited to θ_i(0)² by scaling a row and a column of P. The filter skips an
-    isolated outlier beyond 100 standard deviations. If further innovations exceed this limit, they
-    are clipped to the limit.
+    The parameter model is θ[k+1] = θ[k] + w with the covariance W of w. The state model is x[k+1] =
+    f(x[k], θ[k], u[k]), which is exact if the torque u is constant between samples. The measurement
+    model is y = h(x) + e with the variance σ² of e. If y is an angle, noise also acts on the state
+    that the torque drives (`flexaxis.estimators.filters.noise`). The filter is the standard joint
+    filter, which is analysed in *Asymptotic behavior of the extended Kalman filter as a parameter
+    estimator for linear systems* (Ljung, 1979). Unlike the prediction-error method, the Kalman
+    filter also corrects the state with each measurement. The filter limits the variance of θ_i to
+    θ_i(0)² by scaling a row and a column of P. The filter skips an isolated outlier that exceeds
+    100 standard deviations. If several successive innovations exceed 100 standard deviations, the
+    filter clips these innovations to 100 standard deviations.
 
-    P is the covariance of the error if θ is a random walk with the covariance W. If θ is constant
-    and adaptation is slow, the error has half this variance. After a jump of θ, P is far too small.
+    P is the covariance of the estimation error if θ is a random walk with the covariance W. If θ is
+    constant and adaptation is slow, the actual error variance is half of P. After a jump of θ, P is
+    far smaller than the actual error covariance.
 
     Parameters
     ----------
     design : Design
-        Options of the filter. The drift of the design is W, the covariance that θ gains in every
-        sample. If the design does not specify the noise, R = σ² is learnt from the innovations.
-    **torque_noise
-        Result of `flexaxis.estimators.problem.Problem.torque_noise`.
+        Options of the filter. The field ``drift`` of the design is W, the covariance that θ gains
+        in every sample. If the design does not specify the noise, the filter estimates R = σ² from
+        the innovations.
+    **torque_noise : float
+        Settings returned by `flexaxis.estimators.problem.Problem.torque_noise`.
     """
     start = Memory(joint_arrays(design, rests=False, heeds=HEEDS_NOTHING, **torque_noise))
     return CompiledFilter(loops.ekf, start, design, read_joint)
@@ -49,15 +53,16 @@ def _extended(
     spread: float = 0.2,
 ) -> CompiledFilter:
     """
-    Return the joint extended Kalman filter for a problem.
+    Return the joint extended Kalman filter for an estimation problem.
 
     Parameters
     ----------
     walk : float, optional
-        Standard deviation of the random walk of every θ after one second, relative to θ(0). The
-        default is 0.008 if y is an angle; otherwise it is the tuned value for this axis, or 0.002.
+        Standard deviation of each parameter's random walk after one second, relative to θ(0). If y
+        is an angle, the default is 0.008. For any other output, the default is the tuned value for
+        the axis, or 0.002 if there is no tuned value.
     spread : float
-        Standard deviation of the initial error of θ, relative to θ(0).
+        Standard deviation of the initial parameter error, relative to θ(0).
     """
     if problem.output == "angle" and walk is None:
         walk = COUNTED
@@ -68,7 +73,7 @@ def _extended(
 ENTRIES = (
     Entry(
         "ekf",
-        "a joint extended Kalman filter for the state and the parameters",
+        "an extended Kalman filter that jointly estimates the state and the parameters",
         _extended,
         knob="walk",
         default=WALK,

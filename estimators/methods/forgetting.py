@@ -1,20 +1,21 @@
 """
-The prediction-error method with two other rules of forgetting: CUSUM reset and variable factor.
+The prediction-error method with a CUSUM reset of P or with a variable forgetting factor.
 
-The first rule resets P when the residual increases. The rule computes the cumulative sum (CUSUM)
-g ← max(0, g + 3/8 s − ln 2) with s = ε²/(R̂(1+ψᵀPψ)). s is limited to 16, and R̂ does not include
-the current sample. The increment of g is the log-likelihood ratio for a fourfold variance (E. S.
-Page, *Continuous inspection schemes*, Biometrika 41, 1954). When g exceeds the alarm level, P is
-set to the covariance of an unknown change, and g is set to zero (F. Gustafsson, *Adaptive Filtering
-and Change Detection*, Wiley 2000, ch. 3).
+The first rule resets P when the cumulative sum (CUSUM) of squared residuals indicates a change. The
+CUSUM rule computes the cumulative sum g ← max(0, g + 3/8 s − ln 2) with s = ε²/(R̂(1+ψᵀPψ)). The
+statistic s is limited to 16, and the noise variance R̂ excludes the current sample. The increment
+of g is the log-likelihood ratio for a fourfold increase of the residual variance, as in *Continuous
+inspection schemes* (Page, 1954). When g exceeds the alarm level, P is set to the covariance of an
+unknown parameter change, and g is set to zero. Chapter 3 of *Adaptive Filtering and Change
+Detection* (Gustafsson, 2000) describes CUSUM tests.
 
-The second rule computes the forgetting factor from the residual, λ = σ_q σ_v/|σ_e − σ_v|, limited
-to the value of the option ``forgetting``. The filter therefore forgets faster while the residual is
-large (C. Paleologu, J. Benesty and S. Ciochină, *A robust variable forgetting factor recursive
-least-squares algorithm for system identification*, IEEE Signal Processing Letters 15 (2008)
-597–600). σ_e² and σ_q² are running means of ε² and (ψᵀPψ)² with a memory of 0.3 s. σ_v² is a
-running mean of ε² with a memory of 2 s and represents the noise. Until this time has passed, each
-value is the mean over all samples so far.
+The variable-factor rule computes the forgetting factor λ = σ_q σ_v/|σ_e − σ_v| from the residual,
+with the option ``forgetting`` as upper limit. The filter therefore forgets faster while the
+residual is large. The variable-factor rule comes from *A robust variable forgetting factor
+recursive least-squares algorithm for system identification* (Paleologu, Benesty and Ciochină,
+2008). The quantities σ_e² and σ_q² are running means of ε² and (ψᵀPψ)² with a memory of 0.3 s. The
+noise variance σ_v² is a running mean of ε² with a memory of 2 s. Until its memory is full, each
+running mean is the arithmetic mean over all samples so far.
 """
 
 from flexaxis.estimators.filters.design import above_zero
@@ -38,23 +39,23 @@ def _cusum_reset(
     ceiling: float = CEILING,
 ) -> Rpem:
     """
-    Return the prediction-error method with a reset of P by a CUSUM.
+    Return the prediction-error method in which a CUSUM alarm resets P.
 
     Parameters
     ----------
     forgetting : float, optional
-        Forgetting factor λ per sample between alarms.
+        Forgetting factor λ for each sample between two alarms.
     reset : float
-        Standard deviation of θ after a reset of P, relative to θ(0).
+        Standard deviation of each parameter after a reset of P, relative to θ(0).
     level : float
-        Alarm threshold [nats].
-    robust, ceiling
-        Options of `flexaxis.estimators.Rpem`.
+        Alarm threshold of the CUSUM [nats].
+    robust, ceiling : float
+        As for `Rpem`.
     """
     rule = {
         "rule": CUSUM,
-        "reset": above_zero("reset", reset, "a standard deviation relative to θ(0)") ** 2,
-        "level": above_zero("level", level, "an alarm threshold in nats"),
+        "reset": above_zero("reset", reset, "the relative standard deviation after a reset") ** 2,
+        "level": above_zero("level", level, "the alarm threshold [nats]"),
         "first": max(FIRST / problem.period, KNOWN),
         "next": NEXT / problem.period,
     }
@@ -86,15 +87,15 @@ def _variable_forgetting(
     Parameters
     ----------
     forgetting : float, optional
-        Largest forgetting factor λ per sample.
+        Upper limit on the forgetting factor λ for each sample.
     level : float
-        Ratio of the standard deviations of residual and noise above which the filter forgets more.
-    robust, ceiling
-        Options of `flexaxis.estimators.Rpem`.
+        Ratio of residual to noise standard deviation above which the filter forgets faster.
+    robust, ceiling : float
+        As for `Rpem`.
     """
     rule = {
         "rule": VARIABLE,
-        "level": above_zero("level", level, "a ratio of standard deviations"),
+        "level": above_zero("level", level, "the ratio of standard deviations"),
         "short": max(SHORT / problem.period, 2.0),
         "long": max(LONG / problem.period, 2.0),
         "least": max(1 - problem.period / FASTEST, 0.5),
@@ -106,7 +107,7 @@ def _variable_forgetting(
 ENTRIES = (
     Entry(
         "cusum-reset",
-        "rpem-forgetting with a reset of P when a CUSUM of the residual raises an alarm",
+        "rpem-forgetting, which resets P when a CUSUM test of the residual raises an alarm",
         _cusum_reset,
         knob="1-forgetting",
         default=0.995,
@@ -114,7 +115,7 @@ ENTRIES = (
     ),
     Entry(
         "variable-forgetting",
-        "rpem-forgetting with a factor that decreases while the residual is large",
+        "rpem-forgetting with a forgetting factor that decreases while the residual is large",
         _variable_forgetting,
         knob="1-forgetting",
         default=0.995,

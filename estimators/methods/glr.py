@@ -1,4 +1,4 @@
-"""Construction of the estimator glr from a problem and options."""
+"""Construction of the estimator glr from an estimation problem and options."""
 
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -60,37 +60,39 @@ def glr(
     commissioning: float | None = None,
 ) -> Glr:
     """
-    Return the filter with a bank of hypotheses for an axis with or without friction.
+    Return the estimator glr, a Kalman filter with a bank of jump hypotheses.
 
-    All durations are multiples of one time scale of the axis; see
+    All durations of the filter are multiples of one axis time scale, as computed by
     `flexaxis.estimators.glr.records.lengths`.
 
     Parameters
     ----------
     problem : Problem
-        Nominal values or a model with its own laws. The nominal values should include ``poles``,
-        ``torque_limit`` and ``noise`` from the data sheet if these are known. The torque determines
-        the prior magnitudes of friction and backlash. P(0) is computed from the prior of each
-        parameter.
+        Estimation problem with nominal values or a model with its own friction and spring laws. The
+        nominal values should include ``poles``, ``torque_limit`` and ``noise`` if the data sheet
+        states them. The torque of the problem determines the prior magnitudes of friction and
+        backlash. The filter computes P(0) from the prior of each parameter.
     learn : "auto", "none" or sequence of str
-        Parameters that are learnt once. The bank also tests jumps of the springs, dampers and motor
-        inertia among these parameters. "auto" learns all parameters that the initialisation data
-        excite and fixes the others at their nominal values; `Glr.fixed_because` gives the reasons.
+        Parameters that the filter learns only once. The hypothesis bank also tests jumps of the
+        springs, dampers and motor inertia that are learnt once. The setting "auto" learns all
+        parameters that the initialisation data excite and fixes all others at their nominal values.
+        `Glr.fixed_because` gives the reason for each fixed parameter.
     track : sequence of str
-        Tracked parameters in addition to ``identify``.
+        Names of tracked parameters in addition to ``identify``.
     deviations : mapping of str to float, optional
-        Prior standard deviations of physical parameters, in the units of the parameters. If this
-        option is given, the default of ``commissioning`` is zero.
+        Prior standard deviations of physical parameters, in the units of the parameters. If
+        ``deviations`` is given, the default of ``commissioning`` is zero.
     walk : float
-        Standard deviation of the random walk of tracked parameters after one second, relative to
-        their scale. For friction, the standard deviation is 4.5 times larger.
+        Standard deviation of each tracked parameter's random walk after one second, relative to the
+        parameter scale. For friction parameters, the standard deviation is 4.5 times larger.
     spread : float
-        Initial standard deviation of tracked parameters, relative to their values.
+        Initial standard deviation of the tracked parameters, relative to the parameter values.
     gear : bool
-        Whether friction grows with the gear load, as in a servo drive. The option has no effect on
-        a model with its own laws, or if bristle parameters are given or tracked.
+        Whether the model contains friction that increases with the gear load, as in a servo drive.
+        The option ``gear`` has no effect on a model with its own friction laws. The option also has
+        no effect if bristle parameters are given or tracked.
     commissioning : float, optional
-        Duration of motion for initialisation [s]; ten time scales of the axis by default.
+        Duration of motion that the initialisation needs [s]; ten axis time scales by default.
 
     Raises
     ------
@@ -98,8 +100,8 @@ def glr(
         If an option is invalid.
     """
     nominal, period = problem.nominal, problem.period
-    above_zero("walk", walk, "the standard deviation of θ after one second, relative to its scale")
-    above_zero("spread", spread, "the standard deviation of θ(0), relative to θ(0)")
+    above_zero("walk", walk, "the relative random walk after one second")
+    above_zero("spread", spread, "the relative standard deviation of θ(0)")
     asked = {*problem.identify, *np.ravel(track)}  # the names are checked later
     bristles = {"sigma_0", "sigma_1"} & {*told_of(nominal), *asked}
     geared = flag("gear", gear) and not bristles
@@ -138,7 +140,7 @@ def _work(
     auto: bool,
     looks: bool = False,
 ) -> Workspace:
-    """Return the memory of the filter; ``looks`` states whether the filter searches for cogging."""
+    """Return the filter memory; if ``looks`` is True, the filter searches for cogging."""
     period, torque = problem.period, problem.torque
     told, names = told_of(problem.nominal), (*tracked, *learnt)
     model = without(model, [n for n in ("f_s", "gap") if n not in (*names, *told)])
@@ -183,7 +185,7 @@ def _work(
 
 
 def _design(model: Model, problem: Problem, thought: Prior, walk: np.ndarray) -> Design:
-    """Return the design of the filter for a prior and the result of `_walk`."""
+    """Return the filter design for a prior and the random walk computed by `_walk`."""
     noise = problem.noise
     if noise is None and not isinstance(problem.nominal, Model):
         noise = problem.nominal.get("noise")
@@ -200,13 +202,13 @@ def _design(model: Model, problem: Problem, thought: Prior, walk: np.ndarray) ->
 
 
 def _most_waves(model: Model, torque: ArrayLike | None, period: float) -> int:
-    """Return the largest number of cogging waves per revolution in the search for cogging."""
+    """Return the largest number of waves per revolution that the cogging search tests."""
     ((_, motion), *_) = measured(model, torque, period)
     return max(1, int(FASTEST / (motion.drive * period)))
 
 
 def _walk(model: Model, names: Sequence[str], tracked: int, walk: float) -> np.ndarray:
-    """Return the increase of the variance of θ (p,) per second, relative to the squared scale."""
+    """Return the variance (p,) that θ gains per second, relative to the squared parameter scale."""
     deviation = np.full(len(names), STRUCTURE / WALK * walk)
     for i, name in enumerate(names[:tracked]):
         physical = name.removeprefix("1/")
@@ -218,8 +220,8 @@ def _walk(model: Model, names: Sequence[str], tracked: int, walk: float) -> np.n
 ENTRIES = (
     Entry(
         "glr",
-        "recommended: a joint Kalman filter with a bank of hypotheses about which parameter "
-        "jumped, when, and by how much",
+        "recommended estimator: a joint Kalman filter that tests which parameter jumped, when, "
+        "and by how much",
         glr,
         knob="walk",
         default=WALK,

@@ -1,4 +1,4 @@
-"""The interacting-multiple-model filter: extended Kalman filters that exchange their estimates."""
+"""The interacting-multiple-model filter, which consists of several interacting Kalman filters."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,34 +26,35 @@ def joint_imm(
     **torque_noise: float,
 ) -> CompiledFilter:
     """
-    Return an interacting-multiple-model filter with a quiet mode and one jump mode for each θ_i.
+    Return an interacting-multiple-model filter with one quiet mode and a jump mode for each θ_i.
 
     Every mode j is a joint extended Kalman filter (`flexaxis.estimators.methods.ekf`). The quiet
-    mode uses the covariance W; jump mode i uses W with an additional variance for θ_i. The sequence
-    of modes is a Markov chain with the transition matrix Π. With the probabilities μ and Gaussian
-    likelihoods Λ_j of the innovations, every sample is processed by
+    mode assumes that θ gains the covariance W in every sample. Jump mode i adds a further variance
+    for θ_i to W. The sequence of modes is a Markov chain with the transition matrix Π. Let μ be the
+    mode probabilities, and let Λ_j be the Gaussian likelihood of the innovation in mode j. The
+    following equations update the modes by one sample:
 
         μ_j ← c_j Λ_j / Σ,  c_j = Σ_i Π_ij μ_i,  μ_i|j = Π_ij μ_i/c_j,
         ξ⁰_j = Σ_i μ_i|j ξ_i,  P⁰_j = Σ_i μ_i|j [P_i + (ξ_i−ξ⁰_j)(ξ_i−ξ⁰_j)ᵀ],
 
-    and mode j continues from ξ⁰_j, P⁰_j. The filter returns the estimate, the covariance and the
-    innovation of the mixture. One value of R is learnt for all modes. H. A. P. Blom and
-    Y. Bar-Shalom, *The interacting multiple model algorithm for systems with Markovian switching
-    coefficients*, IEEE Trans. AC 33 (1988) 780–783.
+    Mode j then continues from the mixed estimate ξ⁰_j and the mixed covariance P⁰_j. The filter
+    returns the estimate, the covariance and the innovation of the mixture of all modes. All modes
+    share the estimated noise variance R. The algorithm is described in *The interacting multiple
+    model algorithm for systems with Markovian switching coefficients* (Blom and Bar-Shalom, 1988).
 
     Parameters
     ----------
     design : Design
-        Options as in `flexaxis.estimators.methods.ekf.joint_ekf`. The drift applies to the quiet
-        mode.
+        Design as for `flexaxis.estimators.methods.ekf.joint_ekf`. The drift of the design applies
+        to the quiet mode.
     jump : (p,) array_like
-        Variance that each θ_i gains in every sample during a jump of this parameter.
+        Variance that each parameter θ_i gains in every sample while its jump mode is active.
     rate : float
-        Mean rate of jumps of any parameter [1/s].
+        Mean rate of jumps of all parameters together [1/s].
     hold : float
-        Mean duration of a jump mode [s].
-    **torque_noise
-        Options as in `flexaxis.estimators.methods.ekf.joint_ekf`.
+        Mean time for which a jump mode remains active [s].
+    **torque_noise : float
+        Settings as for `flexaxis.estimators.methods.ekf.joint_ekf`.
 
     Raises
     ------
@@ -63,8 +64,8 @@ def joint_imm(
     period, p = design.period, len(design.theta0)
     if not (0 < rate * period < 1 and period < hold < np.inf):
         raise EstimatorError(
-            f"rate is {rate} and hold is {hold}; with a period of {period} s the rate must lie "
-            f"between 0 and {1 / period:g} 1/s, and hold must exceed the period"
+            f"rate is {rate} 1/s and hold is {hold} s, but for a sampling period of {period} s, "
+            f"rate must lie between 0 and {1 / period:g} 1/s, and hold must exceed the period"
         )
     variances = finite_vector("jump", jump, p) / design.scale**2
     start = modes_of(
@@ -87,28 +88,32 @@ def _imm(
     hold: float = 0.05,
 ) -> CompiledFilter:
     """
-    Return the interacting-multiple-model filter for a problem.
+    Return the interacting-multiple-model filter for an estimation problem.
 
     Parameters
     ----------
-    walk, spread
-        Options as in `flexaxis.estimators.methods.ekf._extended`. The walk applies to the quiet
-        mode. Its default is 0.0015 on an axis without a tuned value.
+    walk : float, optional
+        Standard deviation of each parameter's random walk after one second in the quiet mode,
+        relative to θ(0). The default of ``walk`` is the tuned value for the axis, or 0.0015 if
+        there is no tuned value.
+    spread : float
+        Standard deviation of the initial parameter error, relative to θ(0).
     jump : float, optional
-        Standard deviation of a jump of θ_i, relative to θ(0); 0.3 on an axis with a tuned walk,
-        otherwise 0.1581.
+        Standard deviation of a parameter jump, relative to θ(0). The default of ``jump`` is 0.3 for
+        an axis with a tuned value of ``walk``, and 0.1581 for any other axis.
     rate : float, optional
-        Mean rate of jumps [1/s]; 1e-6 on an axis with a tuned walk, otherwise 1e-3.
+        Mean rate of parameter jumps [1/s]. The default of ``rate`` is 1e-6 for an axis with a tuned
+        value of ``walk``, and 1e-3 for any other axis.
     hold : float
-        Mean duration of a jump [s].
+        Mean duration of a parameter jump [s].
     """
     tuned = problem.tuned("imm") is not None
     rate = (TUNED_RATE if tuned else RATE) if rate is None else rate
     jump = (TUNED_JUMP if tuned else JUMP) if jump is None else jump
     design = problem.walk_design("imm", WALK, walk=walk, spread=spread)
-    above_zero("rate", rate, "the mean rate of jumps in 1/s")
-    above_zero("jump", jump, "the standard deviation of a jump, relative to θ(0)")
-    above_zero("hold", hold, "the mean duration of a jump in seconds")
+    above_zero("rate", rate, "the mean rate of parameter jumps [1/s]")
+    above_zero("jump", jump, "the relative standard deviation of a parameter jump")
+    above_zero("hold", hold, "the mean duration of a parameter jump [s]")
     variance = problem.period / hold * (jump * problem.theta) ** 2
     return joint_imm(
         design, jump=variance, rate=rate, hold=hold, **problem.torque_noise(problem.model)
@@ -118,7 +123,7 @@ def _imm(
 ENTRIES = (
     Entry(
         "imm",
-        "interacting multiple models: a Kalman filter without jumps, and one for each parameter",
+        "interacting Kalman filters: one without jumps, and one for jumps of each parameter",
         _imm,
         knob="walk",
         default=WALK,

@@ -1,10 +1,11 @@
 """
-The loops of the filters over the samples: each loop shows one method in a few lines.
+The sample loops of the filters; each loop contains one estimation method in a few lines.
 
-The arguments of each loop include the memory block of the filter, and the positions ``at`` of the
-arrays in the block; see `flexaxis.estimators.filters.filter.CompiledFilter`. If ``laws`` is None,
-the model is linear. The compiled code then contains no laws, and compilation takes much less time.
-θ[k] is computed from y[k] before u[k] acts on the state x.
+The class `flexaxis.estimators.filters.filter.CompiledFilter` calls the sample loops. The arguments
+of each loop include the memory block of the filter and the positions ``at`` of the arrays in this
+block. The argument ``laws`` is None for a linear model. The compiled code for a linear model does
+not contain nonlinear torques, so compilation is much faster. Each loop computes θ[k] from y[k]
+before u[k] acts on the state x.
 """
 
 from flexaxis.estimators.filters.forgetting import forget
@@ -25,7 +26,7 @@ from flexaxis.estimators.models.series import over_sample
 
 @loop
 def rpem(block, at, u, y, valid, estimates, trace, laws):  # noqa: PLR0917
-    """Process samples with the recursive prediction-error method, eq. (5)–(23)."""
+    """Process samples with the recursive prediction-error method, equations (5)–(23)."""
     state = views(Recursion, block, at)
     for k in range(len(u)):
         measure(state, y[k], valid[k])  # (5)–(7)
@@ -55,7 +56,7 @@ def ekf(block, at, u, y, valid, estimates, trace, laws):  # noqa: PLR0917
 
 @inlined
 def _publish(state, estimates, trace):
-    """Store θ[k] in ``estimates``; store ŷ[k], the innovation and its variance in ``trace``."""
+    """Write θ[k] to ``estimates``, and ŷ[k], the innovation and its variance to ``trace``."""
     for i in range(len(estimates)):
         estimates[i] = state.theta[i]
     show(state.now[0], trace)

@@ -1,4 +1,4 @@
-"""The paper's recursive prediction-error method, with a forgetting factor or with drift."""
+"""The paper's recursive prediction-error method with a forgetting factor or parameter drift."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
@@ -31,20 +31,20 @@ Array = NDArray[np.float64]
 
 class Trace(NamedTuple):
     """
-    Internal variables of a filter over N samples.
+    Internal variables of a filter, recorded over N samples.
 
     Attributes
     ----------
     theta : (N, p) array
-        Estimates after each sample.
+        Parameter estimates after each sample.
     epsilon : (N,) array
-        Residuals y − ŷ, eq. (6).
+        Residuals y − ŷ of equation (6).
     psi : (N, p) array
-        Gradients of ŷ with respect to θ at the estimate before each sample, eq. (16).
+        Gradients of ŷ with respect to θ, as in equation (16), at the estimates before each sample.
     P : (N, p, p) array
-        Matrices P(t+1|t), for a noise variance of one.
+        Matrices P(t+1|t) for a noise variance of one.
     covariance : (N, p) array
-        Diagonals of the claimed covariance of the estimates.
+        Diagonals of the covariance that the filter claims for its estimates.
     """
 
     theta: Array
@@ -58,61 +58,63 @@ class Rpem(CompiledFilter):
     """
     Recursive prediction-error method with forgetting or covariance modification.
 
-    The class implements eq. (5)–(23) of Östring and Gunnarsson, *Recursive identification of
-    physical parameters in a flexible robot arm*. P is updated by eq. (13) if ``forgetting`` is
-    given and by eq. (14) if ``drift`` is given. Both updates are followed by eq. (12).
+    The class implements equations (5)–(23) of *Recursive identification of physical parameters in a
+    flexible robot arm* by Östring and Gunnarsson. The filter updates P by equation (13) if
+    ``forgetting`` is given, or by equation (14) if ``drift`` is given. After the update of P by
+    (13) or (14), the filter applies the regularisation (12).
 
     Parameters
     ----------
     model : Model
-        Grey-box model, such as ``three_mass(nominal)``. If the model contains nonlinear laws, the
-        sensitivities are propagated along the nonlinear trajectory.
+        Grey-box model of the axis, such as ``three_mass(nominal)``. If the model contains nonlinear
+        torques, the filter propagates the sensitivities along the nonlinear trajectory.
     identify : sequence of str, optional
-        Names of the parameters to estimate, or of their inverses. The default is the model's
+        Names of the identified parameters or inverse parameters. The default is the model's
         attribute ``identify``. All other parameters keep their nominal values.
     theta0 : (p,) array_like, optional
-        Initial estimate θ(0); the model's nominal values by default.
+        Initial parameter estimate θ(0); by default, the nominal values of the model.
     P0 : (p,) or (p, p) array_like
-        Initial matrix P(0) or its diagonal, for a noise variance of one; see
-        `flexaxis.estimators.offline.priors.nominal_P`.
+        Initial matrix P(0) or the diagonal of P(0), for a noise variance of one. The function
+        `flexaxis.estimators.offline.priors.nominal_P` computes a suitable value.
     period : float
         Sampling period T [s].
     noise : float, optional
-        Standard deviation of the noise of y, in the unit of y. By default, it is estimated from the
-        residual.
+        Standard deviation of the noise in y, in the unit of y. By default, the filter estimates the
+        noise from the residual.
     forgetting : float, optional
-        Forgetting factor λ in (0, 1] per sample, eq. (9). If neither ``forgetting`` nor ``drift``
-        is given, λ = 1 − T/(1 s), which corresponds to a time constant of 1 s.
+        Forgetting factor λ of equation (9) for each sample, in the interval (0, 1]. If neither
+        ``forgetting`` nor ``drift`` is given, λ is 1 − T/(1 s), which corresponds to a time
+        constant of 1 s.
     drift : (p,) or (p, p) array_like, optional
-        Covariance Δ that is added to P in every sample, eq. (10), or the diagonal of Δ.
+        Covariance Δ that equation (10) adds to P in every sample, or the diagonal of Δ.
     regularization : float or (p,) array_like
-        Weight μ ≥ 0 of eq. (12), either one value or one value per parameter. With forgetting, the
-        weight keeps P ≤ (1−λ)/μ.
+        Regularisation weight μ ≥ 0 of equation (12), as one common value or as one value for each
+        parameter. In combination with forgetting, the weight μ limits P to (1−λ)/μ.
     bounds : (lower, upper), optional
-        Bounds to which θ is clipped after every update, without a change of P; 0.1 to 10 times θ(0)
-        by default.
+        Bounds to which the filter clips θ after every update, while P remains unchanged. By
+        default, the bounds of θ are 0.1 and 10 times θ(0).
     output : {"speed", "increment", "angle"}
-        Kind of signal y: the motor speed at t_k, the increment (φ[k]−φ[k−1])/T of the motor angle,
-        or the motor angle φ. The method converts angles to increments.
+        Type of the output signal y: the motor speed at t_k, the increment (φ[k]−φ[k−1])/T of the
+        motor angle, or the motor angle φ. The filter converts angles to increments.
     state_correction : bool
-        Whether the state is corrected for every change of θ, x ← x + z Δθ with z = ∂x/∂θ. To first
-        order, the corrected state is the one that the new θ would have produced from past inputs.
-        The paper does not correct the state. Without this correction, the estimate follows a jump
-        more slowly and with overshoot.
+        Whether the filter corrects its state after every change Δθ of the estimate by x ← x + z Δθ,
+        where z = ∂x/∂θ. To first order, the corrected state is the state that the new θ would have
+        produced from past inputs. The paper does not correct the state. Without this state
+        correction, the estimate follows a parameter jump more slowly and with overshoot.
     robust : float
-        Number of standard deviations to which residuals are clipped, such as 3; 0 for no limit.
-        Clipping prevents a large error of the estimate after an outlier (Huber's influence
-        function; P. J. Huber, *Robust estimation of a location parameter*, Ann. Math. Stat. 35,
-        1964). In the first 50 samples, when R̂ is the mean of k residuals, the limit is larger by a
-        factor of (50/k)². If residuals are clipped, the filter also ignores the readings of a stuck
-        or saturated sensor; see `flexaxis.estimators.filters.fault_monitor`.
+        Number of standard deviations to which residuals are clipped, such as 3, or 0 to disable
+        clipping. Clipping prevents large estimation errors after an outlier, as described in
+        *Robust estimation of a location parameter* (Huber, 1964). The clipping limit is larger by a
+        factor of (50/k)² at the k-th of the first 50 samples, because R̂ is still inaccurate. If
+        clipping is enabled, the filter also ignores the readings of a stuck or saturated sensor
+        (`flexaxis.estimators.filters.fault_monitor`).
     ceiling : float
-        Largest variance R̂ P_ii of a parameter relative to θ(0)², unless P(0) or a reset allows a
-        larger variance. Until R̂ is known, the limit is P_ii ≤ 100 P(0)_ii. The ceiling has no
-        effect unless P reaches it, for example during a long standstill. The paper's original
-        method has an infinite ceiling.
+        Upper limit on the parameter variance R̂ P_ii relative to θ(0)², unless P(0) or a reset
+        allows a larger variance. As long as R̂ is unknown, P_ii is limited to 100 P(0)_ii. The
+        ceiling only has an effect if P grows up to this limit, for example during a long
+        standstill. The original method in the paper has an infinite ceiling.
     rule : mapping of str to float, optional
-        Number and options of another rule of forgetting; see
+        Number and options of another forgetting rule, as defined in
         `flexaxis.estimators.filters.forgetting`.
 
     Attributes
@@ -120,31 +122,32 @@ class Rpem(CompiledFilter):
     names : tuple of str
         Names of the p identified parameters.
     theta, psi : (p,) arrays
-        Current estimate, and gradient of ŷ at the previous estimate.
+        Current parameter estimate, and gradient of ŷ at the previous estimate.
     P : (p, p) array
-        Matrix P(t+1|t), for a noise variance of one. Assign a new value to reset the filter after a
-        known change.
+        Matrix P(t+1|t) for a noise variance of one. Assign a new value to P to reset the filter
+        after a known parameter change.
     covariance : (p, p) array
-        Covariance R̂ Σ that the filter claims for its estimate of a constant θ, with
-        Σ ← (I − Kψᵀ) Σ (I − Kψᵀ)ᵀ + K Kᵀ and K = P(t|t) ψ. Assigning P also sets Σ = P. In slow,
-        steady adaptation Σ equals P/2. R̂ is the square of ``noise`` or a running mean of
-        ε²/(1+ψᵀΣψ) with a memory of 2 s. R̂ is one before the first measurement, and is updated only
-        while the axis is excited.
+        Covariance R̂ Σ that the filter claims for its estimate of a constant θ. Each measurement
+        updates Σ by Σ ← (I − Kψᵀ) Σ (I − Kψᵀ)ᵀ + K Kᵀ with the gain K = P(t|t) ψ. An assignment to
+        P also sets Σ to P. During slow, steady adaptation, Σ equals P/2. The noise variance R̂ is
+        the square of ``noise``, or a running mean of ε²/(1+ψᵀΣψ) with a memory of 2 s. R̂ starts at
+        one and is updated only while the axis is excited.
     epsilon : float
-        Residual y − ŷ; NaN if the measurement is missing.
-    prediction, innovation, innovation_variance, innovations
-        Attributes of `flexaxis.estimators.filters.filter.RecursiveEstimator`.
+        Residual y − ŷ, or NaN if the measurement is missing.
+    prediction, innovation, innovation_variance, innovations : float or array
+        Attributes inherited from `flexaxis.estimators.filters.filter.RecursiveEstimator`.
 
     Raises
     ------
     EstimatorError
-        If an option is invalid. A diverging estimate does not raise an error.
+        If an option is invalid. An estimate that diverges does not raise an error.
 
     Notes
     -----
-    θ[k] depends on y[0..k] and u[0..k−1]; u[k] is held on [t_k, t_{k+1}) and first acts on y[k+1].
-    The sensitivities are zero before the first sample. Internally, all quantities are expressed in
-    θ/θ(0), so the units and signs of the parameters do not matter.
+    The estimate θ[k] depends on y[0..k] and u[0..k−1]. The torque u[k] is constant between t_k and
+    t_{k+1}, so it first acts on y[k+1]. The sensitivities are zero before the first sample.
+    Internally, all quantities refer to the relative parameters θ/θ(0), so the units and signs of
+    the parameters do not matter.
     """
 
     def __init__(
@@ -201,24 +204,24 @@ class Rpem(CompiledFilter):
 
     def restart(self, P: ArrayLike) -> None:
         """
-        Restart the filter for a change that is known to happen at the next sample.
+        Restart the filter for a parameter change that is known to occur at the next sample.
 
         Let k₀ be the first sample with the new parameters. Call this method after sample k₀ − 1.
-        y[k₀] still depends on the old parameters only, and the torque that is held from t_k₀ on
-        acts on the new parameters. The state is kept, but its sensitivities are set to zero,
-        because the state does not depend on the new θ yet.
+        The output y[k₀] still depends only on the old parameters, and the torque from t_k₀ on acts
+        on the axis with the new parameters. The method keeps the state but sets its sensitivities
+        to zero, because the state does not yet depend on the new θ.
 
         Parameters
         ----------
         P : (p,) or (p, p) array_like
-            Covariance of the new θ or its diagonal, for a noise variance of one.
+            Covariance of the new θ for a noise variance of one, or the diagonal of this covariance.
         """
         self.P = P
         self.state["X"][:, 1:] = 0.0
 
     @property
     def noise_variance(self) -> float:
-        """Variance R̂ of the output noise, either specified or estimated so far."""
+        """Variance R̂ of the output noise, either specified or estimated from past samples."""
         return float(self.state["noise"])
 
     @property
@@ -230,7 +233,7 @@ class Rpem(CompiledFilter):
         return self.innovation
 
     def trace(self, u: Iterable[float], y: Iterable[float]) -> Trace:
-        """Process samples and return the internal variables of the filter after each sample."""
+        """Process samples, and return the internal filter variables after each sample."""
         rows = [
             (self.step(*sample), self.epsilon, self.psi, self.P, np.diag(self.covariance))
             for sample in zip(u, y, strict=True)
@@ -248,19 +251,19 @@ def rpem_forgetting(
     ceiling: float = CALM,
 ) -> Rpem:
     """
-    Return the paper's method with the forgetting factor λ, eq. (13).
+    Return the paper's method with the forgetting factor λ of equation (13).
 
     Parameters
     ----------
     forgetting : float, optional
-        Forgetting factor λ per sample.
+        Forgetting factor λ for each sample.
     regularization : float
-        Dimensionless factor m of μ_i = m (1−λ)/P(0)_ii, which keeps P_ii below P(0)_ii/m.
-    state_correction, robust, ceiling
-        Options of `Rpem`.
+        Dimensionless factor m in μ_i = m (1−λ)/P(0)_ii, which limits P_ii to P(0)_ii/m.
+    state_correction, robust, ceiling : bool, float, float
+        As for `Rpem`.
     """
     options = problem.forgetting_options("rpem-forgetting", forgetting)
-    share = at_least_zero("regularization", regularization, "a share of the information in P(0)")
+    share = at_least_zero("regularization", regularization, "the regularisation factor")
     diagonal = np.diag(covariance_matrix("P0", options["P0"], len(problem.identify)))
     return Rpem(
         problem.model,
@@ -281,21 +284,21 @@ def rpem_drift(
     ceiling: float = 10 * CALM,
 ) -> Rpem:
     """
-    Return the paper's method with covariance modification, eq. (14), by a multiple of Δ, eq. (32).
+    Return the paper's method with covariance modification, as in equation (14).
 
     Parameters
     ----------
     scale : float
-        Factor by which Δ is multiplied.
+        Factor that multiplies the covariance Δ of equation (32).
     regularization : float
-        Dimensionless factor m of μ_i = m Δ_ii/P(0)_ii², which keeps P_ii below P(0)_ii/√m.
-    robust, ceiling
-        Options of `Rpem`.
+        Dimensionless factor m in μ_i = m Δ_ii/P(0)_ii², which limits P_ii to P(0)_ii/√m.
+    robust, ceiling : float
+        As for `Rpem`.
     """
     from flexaxis.estimators.offline import priors
 
-    above_zero("scale", scale, "the factor on Δ")
-    share = at_least_zero("regularization", regularization, "a share of the information in P(0)")
+    above_zero("scale", scale, "the factor that multiplies Δ")
+    share = at_least_zero("regularization", regularization, "the regularisation factor")
     axis = problem.model, problem.identify, problem.period
     drift = scale * priors.default_drift(*axis, torque=problem.torque, output=problem.output)
     P = problem.initial_P(drift=drift, scale=scale)
@@ -314,7 +317,7 @@ def rpem_drift(
 ENTRIES = (
     Entry(
         "rpem-forgetting",
-        "the paper's method with a forgetting factor, eq. (13)",
+        "the paper's method with a forgetting factor, equation (13)",
         rpem_forgetting,
         knob="1-forgetting",
         default=0.995,
@@ -322,7 +325,7 @@ ENTRIES = (
     ),
     Entry(
         "rpem-drift",
-        "the paper's method with covariance modification, eq. (14), (32)",
+        "the paper's method with covariance modification, equations (14) and (32)",
         rpem_drift,
         knob="scale",
         default=1.0,

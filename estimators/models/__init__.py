@@ -1,9 +1,9 @@
-"""Models of an axis, and their integration over a sample: formulas, laws, discretisation.
+"""Models of an axis: formulas, torque laws, discretisation and integration over a sample.
 
-`axes` contains the shipped models and reads others from tables; `model` and `laws` represent a
-model as data. `series` integrates a model over one sample; `reaction` and `law_torques` add the
-torques of its nonlinear laws. `discretisation` chooses the order of the series, and computes the
-same transition with a matrix exponential. `memory` and `compiler` support compiled code. Tables of
-formulas in the physical parameters define a model. These modules compute matrices, predictions and
-their derivatives from the tables, at any θ.
+Tables of formulas in the physical parameters define a model. The package `models` computes
+matrices, predictions and derivatives from the tables for any θ. `axes` contains the shipped models
+and reads other models from tables. `model` and `laws` represent a model as data. `series`
+integrates a model over one sample, and `reaction` and `law_torques` add the nonlinear torques.
+`discretisation` chooses the order of the series, and computes the same state transition with a
+matrix exponential. `memory` and `compiler` support the compilation of the filters.
 """

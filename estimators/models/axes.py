@@ -1,4 +1,4 @@
-"""The shipped models, with one to three masses, and models read from tables."""
+"""The shipped axis models with one to three masses, and models that are read from tables."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -14,17 +14,17 @@ PAPER = ("k_T", "1/J_a", "f_m")  # parameters identified in the paper
 
 def one_mass(nominal: Mapping[str, float]) -> Model:
     """
-    Return a rigid motor with viscous friction: J_m ω̇ = k_T u − f_m ω.
+    Return the model J_m ω̇ = k_T u − f_m ω of a rigid motor with viscous friction.
 
     Parameters
     ----------
     nominal : mapping
-        Nominal values of k_T, the inertia J_m and the friction f_m [SI].
+        Nominal values of k_T, the inertia J_m and the viscous friction f_m [SI].
 
     Returns
     -------
     Model
-        Input: motor torque command. Output: motor speed [rad/s].
+        Model with the motor torque command as input and the motor speed [rad/s] as output.
     """
     return Model(
         name="one_mass",
@@ -41,19 +41,19 @@ def one_mass(nominal: Mapping[str, float]) -> Model:
 
 def three_mass(nominal: Mapping[str, float]) -> Model:
     """
-    Return the paper's axis: motor, gear and arm, coupled by two springs; eq. (3), (4).
+    Return the paper's axis, in which two springs couple motor, gear and arm.
 
     Parameters
     ----------
     nominal : mapping
-        Nominal values of k_T, J_m, J_g, J_a, k_g, k_a, d_g, d_a, f_m, f_g, f_a and r [SI].
-        Inertias and stiffnesses must be positive, damping and friction must not be negative, and
-        k_T and r must not be zero.
+        Nominal values of k_T, J_m, J_g, J_a, k_g, k_a, d_g, d_a, f_m, f_g, f_a and r [SI], as in
+        equations (3) and (4) of the paper. Inertias and stiffnesses must be positive. Damping and
+        friction must not be negative. The parameters k_T and r must not be zero.
 
     Returns
     -------
     Model
-        Input: motor torque command. Output: motor speed [rad/s].
+        Model with the motor torque command as input and the motor speed [rad/s] as output.
     """
     return Model(
         name="three_mass",
@@ -88,12 +88,12 @@ BRISTLES = _friction(
         "softness": "v_0",
     },
 )
-"""Dry friction of the motor: Coulomb or LuGre friction, depending on its parameters."""
+"""Dry motor friction, which is Coulomb or LuGre friction depending on the parameter values."""
 STATIC = _friction(
     "static",
     parameters={"coulomb": "f_c", "breakaway": "f_s", "alpha": "alpha", "beta": "beta"},
 )
-"""The static friction law published for the motor of an industrial robot."""
+"""A static friction law, published for the motor of an industrial robot."""
 GEAR_FRICTION = _friction(
     "gear",
     parameters={
@@ -111,32 +111,32 @@ GEAR_FRICTION = _friction(
         "ratio": "r",
     },
 )
-"""Friction that grows with the load of the gear; the model must contain `GEAR_SPRING`."""
+"""Friction that increases with the gear load; the model must also contain `GEAR_SPRING`."""
 GEAR_SPRING = Law(
     "spring",
     drive={"twist_gear": 1.0},
     acts={"speed_motor": "-r*k_g/J_m", "speed_gear": "k_g/J_g"},
     parameters={"cubic": "kappa", "gap": "gap"},
 )
-"""A gear spring with backlash that becomes stiffer with increasing twist."""
+"""A gear spring that has backlash and becomes stiffer with increasing twist."""
 COGGING = Law(
     "sinusoid",
     drive={"angle_motor": 1.0},
     acts={"speed_motor": "1/J_m"},
     parameters={"sine": "c_sin", "cosine": "c_cos", "poles": "poles"},
 )
-"""Cogging of the motor; the model must contain the motor angle, see `with_angle`."""
+"""Motor cogging; the model must contain the motor angle (`with_angle`)."""
 LIMIT = Law(
     "clip",
     drive={INPUT: 1.0},
     acts={"speed_motor": "k_T/J_m"},
     parameters={"limit": "torque_limit"},
 )
-"""The torque limit of the drive."""
+"""The torque limit of the motor drive."""
 
 
 def with_angle(model: Model, state: str = "angle_motor") -> Model:
-    """Return a model with the motor angle, which starts at zero, as an additional state."""
+    """Return the model with the motor angle as an additional state, which starts at zero."""
     return replace(
         model,
         states=(*model.states, state),
@@ -147,7 +147,7 @@ def with_angle(model: Model, state: str = "angle_motor") -> Model:
 
 
 def with_cogging(model: Model) -> Model:
-    """Return a model with the motor angle as a state and with cogging as the last law."""
+    """Return the model with motor cogging as last torque law and motor angle as last state."""
     model = with_angle(model)
     cogging = {"c_sin": 0.0, "c_cos": 0.0, "poles": 10.0}
     return replace(model, laws=(*model.laws, COGGING), nominal=dict(model.nominal) | cogging)
@@ -155,20 +155,21 @@ def with_cogging(model: Model) -> Model:
 
 def real_axis(nominal: Mapping[str, float]) -> Model:
     """
-    Return the paper's axis with the nonlinear laws of a real axis.
+    Return the paper's axis with dry friction, backlash and other nonlinear torques.
 
-    The model always contains dry friction of the motor and a stiffening gear spring with backlash.
-    If the nominal values include ``mu_m``, friction grows with the load of the gear; if they
-    include ``poles``, the model contains cogging; if they include ``torque_limit``, the torque of
-    the drive is limited.
+    The model always contains dry motor friction and a stiffening gear spring with backlash. If the
+    nominal values include ``mu_m``, the friction increases with the gear load. If the nominal
+    values include ``poles``, the model contains cogging. If the nominal values include
+    ``torque_limit``, the model limits the motor torque.
 
     Parameters
     ----------
     nominal : mapping
         Nominal values of the parameters of `three_mass` and of f_c, f_s, v_s, sigma_0, sigma_1,
-        v_0, kappa and gap, see `flexaxis.estimators.models.laws`. If ``poles`` is included, c_sin
-        and c_cos are required too. If ``mu_m`` is included, mu_e, mu_ms, mu_es and sharpness are
-        required too, but sigma_0 and sigma_1 are not.
+        v_0, kappa and gap, which are defined in `flexaxis.estimators.models.laws`. If the mapping
+        contains ``poles``, it must also contain c_sin and c_cos. If the mapping contains ``mu_m``,
+        it must also contain mu_e, mu_ms, mu_es and sharpness, but need not contain sigma_0 and
+        sigma_1.
     """
     model = three_mass(nominal)
     laws = [GEAR_FRICTION if "mu_m" in nominal else BRISTLES, GEAR_SPRING]
@@ -182,18 +183,18 @@ def real_axis(nominal: Mapping[str, float]) -> Model:
 
 def two_mass(nominal: Mapping[str, float]) -> Model:
     """
-    Return a motor that drives a load through one elastic shaft without a gear.
+    Return the model of a motor that drives a load through an elastic shaft without a gear.
 
     Parameters
     ----------
     nominal : mapping
-        Nominal values of k_T, the inertias J_m (motor) and J_l (load), the stiffness k and damping
-        d of the shaft, and the friction f_m and f_l [SI].
+        Nominal values of k_T, the inertias J_m (motor) and J_l (load), the shaft stiffness k, the
+        shaft damping d, and the viscous friction f_m (motor) and f_l (load) [SI].
 
     Returns
     -------
     Model
-        Input: motor torque command. Output: motor speed [rad/s].
+        Model with the motor torque command as input and the motor speed [rad/s] as output.
     """
     return Model(
         name="two_mass",
@@ -215,16 +216,16 @@ def two_mass(nominal: Mapping[str, float]) -> Model:
 @dataclass(frozen=True)
 class Traits:
     """
-    Properties of an unknown axis, derived from its frequency response.
+    Properties of an unknown axis, derived from its measured frequency response.
 
     Attributes
     ----------
     inertia : float
-        Total inertia, referred to the motor, for k_T = 1 [kg m²].
+        Total inertia of the axis, referred to the motor, for k_T = 1 [kg m²].
     friction : float
-        Assumed viscous friction, a small value [N m s/rad].
+        Assumed small value of the viscous friction [N m s/rad].
     resonance : float
-        Frequency at which |G| exceeds the response of the total inertia by the largest factor
+        Frequency at which |G| exceeds the gain of the rigid total inertia by the largest factor
         [rad/s].
     """
 
@@ -241,12 +242,12 @@ class _Shipped:
     Attributes
     ----------
     factory : callable
-        Function ``factory(nominal)`` that returns the model with these nominal values.
+        Function ``factory(nominal)`` that returns the model with the given nominal values.
     rough : mapping
-        Plausible parameter values for an unknown axis [SI].
+        Plausible parameter values of an unknown axis [SI].
     guess : callable or None
-        Function ``guess(traits)`` that derives better values from the frequency response; None if
-        the frequency response does not determine them.
+        Function ``guess(traits)`` that derives better parameter values from the frequency response,
+        or None if the frequency response does not determine the parameters.
     """
 
     factory: Callable[[Mapping[str, float]], Model]
@@ -259,7 +260,7 @@ def _one_mass_guess(seen: Traits) -> dict[str, float]:
 
 
 def _two_mass_guess(seen: Traits) -> dict[str, float]:
-    """Return parameters of two equal masses J with ω² = 2 k/J and a damping ratio of 2 %."""
+    """Return the parameters of two equal inertias J with ω² = 2 k/J and a damping ratio of 2 %."""
     stiffness = seen.resonance**2 * seen.inertia / 4
     return {
         "k_T": 1.0, "J_m": seen.inertia / 2, "J_l": seen.inertia / 2, "k": stiffness,
@@ -271,7 +272,7 @@ N1 = {
     "k_T": 1.0, "J_m": 1.2e-3, "J_g": 7.0, "J_a": 0.8, "k_g": 1.06e5, "k_a": 8.4e3,
     "d_g": 26.0, "d_a": 1.6, "f_m": 0.05, "f_g": 0.5, "f_a": 0.1, "r": 1 / 118,
 }  # fmt: skip
-"""The nominal axis of the benchmark, comparable in size to axis one of an industrial robot."""
+"""The nominal benchmark axis, which is comparable to the first axis of an industrial robot."""
 
 MODELS: Mapping[str, _Shipped] = {
     "one_mass": _Shipped(
@@ -286,28 +287,29 @@ MODELS: Mapping[str, _Shipped] = {
     ),
     "three_mass": _Shipped(three_mass, rough=N1),
 }  # fmt: skip
-"""The shipped models, by name."""
+"""The shipped axis models, keyed by model name."""
 
 _KEYS = ("name", "states", "A", "B", "C", "nominal")
 
 
 def model_from_tables(tables: Mapping[str, Any]) -> Model:
     """
-    Create a model from nested tables, such as those that `tomllib` returns.
+    Create an axis model from nested tables, such as the tables that `tomllib` returns.
 
     Parameters
     ----------
     tables : mapping
         Tables that contain either the key ``model`` (name of a shipped model) or the keys ``name``,
         ``states``, ``A`` (rows of formulas), ``B`` and ``C``. The key ``nominal`` contains the
-        value of each parameter [SI]. The optional key ``law`` contains a list of tables with the
-        fields of `flexaxis.estimators.models.laws.Law`. Other keys are ignored.
+        value of each parameter [SI]. The optional key ``law`` contains a list of torque laws, which
+        are tables with the fields of `flexaxis.estimators.models.laws.Law`. The function ignores
+        all other keys.
 
     Raises
     ------
     EstimatorError
-        If a key is missing or has a value of the wrong type, a formula cannot be read, or a nominal
-        value is missing.
+        If a key or a nominal value is missing, a value has the wrong type, or a formula cannot be
+        read.
 
     Examples
     --------
@@ -338,7 +340,7 @@ def model_from_tables(tables: Mapping[str, Any]) -> Model:
 
 
 def _checked(key: str, kind: Any, value: Any) -> Any:
-    """Convert a table to the given type; raise EstimatorError if the table does not fit."""
+    """Convert a table to the type ``kind``, or raise EstimatorError if the table does not fit."""
     from pydantic import TypeAdapter, ValidationError  # slow to import
 
     try:

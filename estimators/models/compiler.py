@@ -1,14 +1,14 @@
 """
-Compilation of functions by numba on their first call, once for all models.
+Compilation of functions by numba at their first call; the code serves all axis models.
 
-`compiled` and `loop` mark functions that Python calls and that numba caches; the other decorators
-mark functions that are compiled into their callers. Numba is imported only when a function is
-compiled, because this import takes longer than everything else that is needed to list the
-estimators.
+The decorators `compiled` and `loop` mark functions that Python calls and that numba caches. The
+other decorators mark functions that numba compiles into their callers. This module imports numba
+only when a function is compiled, because the import of numba takes longer than all other steps of
+listing the estimators.
 
-Numba recompiles a cached function when the file of the function changes, but not when the function
-calls another file that changes. Therefore the name of the cache folder is a digest of all sources
-of the package and of numba's version, so any edit leads to another folder.
+Numba recompiles a cached function if the source file of the function changes, but not if a source
+file of a called function changes. The name of the cache folder is therefore a digest of all source
+files and of the numba version, so any edit leads to a new cache folder.
 """
 
 import gc
@@ -26,23 +26,24 @@ from typing import Any
 from flexaxis.estimators.models.memory import register
 
 SOURCES = Path(__file__).parent.parent
-"""The folder that contains the sources of all compiled code."""
+"""The folder that contains the source files of all compiled functions."""
 
 
 class Compiled:
     """
-    A function that numba compiles when it is first called.
+    A function that numba compiles at the first call.
 
     Parameters
     ----------
     function : callable
-        Function to compile.
+        Python function that numba should compile.
     kept : bool
-        Whether Python calls the function and numba caches it. Otherwise the function is compiled
-        into its callers, and a call from Python, as in a test, runs it uncompiled.
-    **options
-        Options of `numba.njit`. Unless ``_nrt`` is True, the function may create views but no
-        arrays, because references are not counted.
+        Whether Python calls the function and numba caches the compiled code. Otherwise numba
+        compiles the function into its callers, and a call from Python, as in a test, runs the
+        uncompiled function.
+    **options : Any
+        Options of `numba.njit`. Unless ``_nrt`` is True, the function can create views but no
+        arrays, because the compiled code does not count references.
     """
 
     def __init__(self, function: Callable, *, kept: bool = False, **options: Any) -> None:
@@ -51,7 +52,7 @@ class Compiled:
         self.function, self.kept, self._options = function, kept, options
 
     def __call__(self, *arguments: Any) -> Any:
-        """Call the function, and compile it first if the types of the arguments are new."""
+        """Compile the function for new argument types if necessary, and call the function."""
         return (self.dispatcher if self.kept else self.function)(*arguments)
 
     def __reduce__(self) -> str:
@@ -78,25 +79,25 @@ class Compiled:
 
 
 compiled = partial(Compiled, kept=True, _nrt=True)
-"""Compile a function that Python calls."""
+"""Decorator that compiles a function called from Python."""
 loop = partial(Compiled, kept=True)
-"""Compile a function that Python calls and that creates no arrays."""
+"""Decorator that compiles a function that is called from Python and creates no arrays."""
 inlined = Compiled
-"""Compile a function into its callers."""
+"""Decorator that compiles a function into its calling functions."""
 fused = partial(Compiled, fastmath={"contract"})
-"""Compile a function as `inlined` does, but allow a·b + c to be rounded once."""
+"""Decorator like `inlined`, which also allows the compiler to round a·b + c only once."""
 embedded = partial(Compiled, forceinline=True)
-"""Compile a function as `inlined` does, but force inlining (for functions with many views)."""
+"""Decorator like `inlined` that forces inlining, for functions that create many views."""
 summed = partial(Compiled, fastmath={"contract", "reassoc"})
-"""Compile a function as `fused` does, but allow sums to be taken in any order."""
+"""Decorator like `fused` that also allows the compiler to change the order of summands."""
 
 
 @contextmanager
 def _alone(name: str) -> Iterator[None]:
-    """Make other processes that need the function wait until it is cached."""
+    """Make other processes that need a function wait until the compiled function is cached."""
     folder, collects = cache_folder(), gc.isenabled()
     if folder is None:
-        _tell("in every process, because no cache folder is writable")
+        _tell("again in every process, because no cache folder is writable")
     else:
         with suppress(FileExistsError):  # another process has begun and printed the message
             (folder / "begun").open("x").close()
@@ -114,7 +115,7 @@ def _alone(name: str) -> Iterator[None]:
 
 @lru_cache
 def _numba() -> Any:
-    """Import numba, set its cache folder, and register the type `Compiled`."""
+    """Import numba, set the numba cache folder, and register the type `Compiled`."""
     import numba
     from numba.core.caching import _CacheLocator
     from numba.extending import typeof_impl
@@ -126,7 +127,7 @@ def _numba() -> Any:
         usual = _CacheLocator.get_suitable_cache_subpath
 
         def place(path: str) -> str:
-            """Return the same subfolder for every copy of these sources, regardless of location."""
+            """Return a subfolder name that does not depend on where the package is installed."""
             ours = SOURCES in Path(path).parents
             return Path(path).parent.name if ours else usual(path)
 
@@ -139,10 +140,10 @@ def _numba() -> Any:
 @lru_cache
 def cache_folder() -> Path | None:
     """
-    Create and return the folder for compiled code, or return None if it is not writable.
+    Create and return the cache folder for compiled code, or return None without write access.
 
-    The folder lies below ``FLEXAXIS_COMPILED`` or ``NUMBA_CACHE_DIR`` if one of these variables is
-    set, otherwise below the user's cache folder.
+    The environment variable ``FLEXAXIS_COMPILED`` or ``NUMBA_CACHE_DIR`` sets the parent folder. If
+    neither variable is set, the parent folder is the cache folder of the user.
     """
     given = os.environ.get("FLEXAXIS_COMPILED") or os.environ.get("NUMBA_CACHE_DIR")
     try:
@@ -156,7 +157,7 @@ def cache_folder() -> Path | None:
 
 
 def is_uncompiled() -> bool:
-    """Return whether compiled code of these sources is missing from the cache."""
+    """Return whether the compiled code of the current source files is missing from the cache."""
     folder = cache_folder()
     return folder is not None and not (folder / "begun").exists()
 
@@ -167,7 +168,7 @@ def _tell(how: str) -> None:
 
 
 def digest(folder: Path) -> str:
-    """Return a digest of all sources of a folder and of numba's version."""
+    """Return a digest of all source files in a folder and of the numba version."""
     from importlib.metadata import version
 
     content = sha256(version("numba").encode())
@@ -178,7 +179,7 @@ def digest(folder: Path) -> str:
 
 
 def user_cache() -> Path:
-    """Return the cache folder of this user on this system."""
+    """Return the folder for cached files of the current user."""
     if folder := os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA"):
         return Path(folder)
     return Path("~/Library/Caches" if sys.platform == "darwin" else "~/.cache").expanduser()

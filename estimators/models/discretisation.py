@@ -1,4 +1,4 @@
-"""Discretisation of a model: the order of the series in `series`, and a matrix exponential."""
+"""Discretisation of a model by a truncated power series or by a matrix exponential."""
 
 import math
 
@@ -33,39 +33,42 @@ def plan(
     steps: int | None = None,
 ) -> tuple[int, int, int]:
     """
-    Return the steps per sample, the order of the series, and the substeps per step.
+    Return the number of steps per sample, the series order, and the number of substeps per step.
 
-    The remainder of the series is negligible for any θ in the box. Each entry of |A(θ)| is bounded
-    over the box, with every monomial evaluated at its worst corner. The Perron root ρ of this
-    nonnegative matrix of bounds is the smallest norm that any choice of units can achieve.
-    Therefore the size x = ρT/s of a substep does not depend on the units. The sensitivities have
-    the largest remainder. After m terms, this remainder is below
-    Σ_{k>m} k·x^(k−1)/k! = Σ_{k≥m} x^k/k!. A choice of units can make chains of integrators
-    arbitrarily small, but their series ends after 2(n+1) terms.
+    The truncation error of the series is negligible for all parameters θ within their bounds. The
+    function bounds each entry of |A(θ)| by evaluating every monomial at the worst combination of
+    parameter bounds. The Perron root ρ of the resulting nonnegative matrix is the smallest norm
+    that any choice of units can achieve. For s substeps, the normalised substep length x = ρT/s
+    therefore does not depend on the units. The sensitivities have the largest truncation error.
+    After m terms, the truncation error of the sensitivities is below Σ_{k>m} k·x^(k−1)/k! = Σ_{k≥m}
+    x^k/k!. A suitable choice of units makes the norm of an integrator chain arbitrarily small, but
+    the series of an integrator chain ends after 2(n+1) terms.
 
-    The series of a model with laws has a larger tolerance, because the solution of the laws is less
-    accurate as well. The accuracy of the series is guaranteed for θ within a factor of `LAW_RANGE`
-    of the initial value. Outside this range, the series still converges.
+    For a model with nonlinear torques, the series has a larger tolerance, because the solution for
+    the nonlinear torques is also less accurate. The accuracy of the series is guaranteed if each
+    parameter is within a factor of `LAW_RANGE` of its initial value. For parameters outside this
+    range, the series still converges, but without a guaranteed accuracy.
 
     Parameters
     ----------
     model : Parametrization
     lower, upper : (p,) arrays
-        Lower and upper bounds of the parameters; the box must not contain zero.
+        Lower and upper bounds of the parameters, which must not enclose zero.
     period : float
         Sampling period [s].
     steps : int, optional
-        Number of steps per sample for a model with laws; computed by `law_steps` by default.
+        Number of steps per sample for a model with torque laws; by default, the result of
+        `law_steps`.
 
     Returns
     -------
     steps, order, parts : int
-        Number of steps per sample, order of the series, and number of substeps per step.
+        Number of steps per sample, order of the power series, and number of substeps per step.
 
     Raises
     ------
     EstimatorError
-        If a sample requires more than `MAX_STEPS` substeps.
+        If the integration of one sample requires more than `MAX_STEPS` substeps.
     """
     least, tolerance = min(2 * (model.n + 1), MAX_ORDER), TOLERANCE
     if model.forces:
@@ -77,16 +80,17 @@ def plan(
     parts = max(1.0, size / MAX_SIZE)
     if not parts * steps <= MAX_STEPS:
         raise EstimatorError(
-            f"the model is too fast for a sampling period of {period:g} s: a sample would take "
-            f"{parts * steps:.3g} steps, but at most {MAX_STEPS} are allowed. Correct the largest "
-            "entry of A, remove the fastest state, or narrow the bounds"
+            f"the fastest mode of the model is too fast for a sampling period of {period:g} s: the "
+            f"integration would need {parts * steps:.3g} steps per sample, but at most {MAX_STEPS} "
+            "are allowed. Reduce the largest entry of A, remove the fastest state, or narrow the "
+            "parameter bounds"
         )
     substeps = math.ceil(parts)
     return steps, max(least, _order(size / substeps, tolerance)), substeps
 
 
 def law_steps(model: Parametrization, period: float) -> int:
-    """Return the number of steps per sample in which the laws of a model are solved."""
+    """Return the number of integration steps per sample for a model with nonlinear torques."""
     A, _, _ = model.matrices(model.theta)
     fastest = float(max(abs(np.linalg.eigvals(A))))
     longest = math.ceil(period / LAW_LONGEST - 1e-9)  # 1e-9 allows for rounding of the period
@@ -94,14 +98,14 @@ def law_steps(model: Parametrization, period: float) -> int:
 
 
 def _order(x: float, tolerance: float) -> int:
-    """Return the lowest order with a remainder below a tolerance for a substep of size x."""
+    """Return the lowest series order with an error of at most ``tolerance`` at substep length x."""
     powers = np.cumprod(np.r_[1.0, x / np.arange(1.0, 60.0)])  # x^k/k!
     remainders = np.cumsum(powers[::-1])[::-1]
     return int(np.argmax(remainders <= tolerance))
 
 
 def _perron_root(model: Parametrization, lower: Array, upper: Array) -> float:
-    """Return the largest eigenvalue [1/s] of the matrix of bounds of |A(θ)| over the box."""
+    """Return the Perron root [1/s] of the matrix that bounds |A(θ)| for all allowed θ."""
     exponent = model.exponent.astype(float)
     ends = np.abs([lower, upper])
     corner = np.where(exponent > 0, ends.max(axis=0), ends.min(axis=0))
@@ -113,7 +117,7 @@ def _perron_root(model: Parametrization, lower: Array, upper: Array) -> float:
 
 def extended_system(model: Parametrization, theta: Array) -> tuple[Array, Array, Array]:
     """
-    Return the extended system of eq. (22), (23) with one block z_i for each parameter.
+    Return the extended system (22), (23), with a sensitivity block z_i for each parameter.
 
     Parameters
     ----------
@@ -124,11 +128,11 @@ def extended_system(model: Parametrization, theta: Array) -> tuple[Array, Array,
     Returns
     -------
     F : ((p+1)n, (p+1)n) array
-        System matrix of Ẋ = F X + G u for X = [z_1; …; z_p; x].
+        System matrix F in Ẋ = F X + G u with X = [z_1; …; z_p; x].
     G : ((p+1)n, 1) array
-        Input matrix.
+        Input matrix G in the equation Ẋ = F X + G u.
     H : (p+1, (p+1)n) array
-        Output matrix of [ψ; ŷ] = H X.
+        Output matrix H in [ψ; ŷ] = H X.
     """
     blocks, p, n = model.blocks(theta), len(theta), model.n
     whole = np.multiply.outer(np.eye(p + 1), blocks[0]).swapaxes(1, 2)
@@ -139,7 +143,7 @@ def extended_system(model: Parametrization, theta: Array) -> tuple[Array, Array,
 
 
 def discretize(F: Array, G: Array, period: float) -> tuple[Array, Array]:
-    """Return Φ and Γ of X[k+1] = Φ X[k] + Γ u[k] for an input that is held over each sample."""
+    """Return Φ and Γ in X[k+1] = Φ X[k] + Γ u[k] for an input that is constant between samples."""
     from scipy.linalg import expm  # takes a tenth of a second to import
 
     held = np.pad(np.hstack([F, G]), ((0, 1), (0, 0)))  # the input is treated as a constant state
@@ -151,7 +155,7 @@ def sampled_system(
     model: Parametrization, theta: ArrayLike, period: float
 ) -> tuple[Array, Array, Array]:
     """
-    Return the extended system (22), (23) for a torque held over each sample.
+    Return the sampled extended system (22), (23) for a torque that is constant between samples.
 
     Parameters
     ----------
@@ -164,11 +168,11 @@ def sampled_system(
     Returns
     -------
     transition : ((p+1)n, (p+1)n) array
-        Matrix Φ in X[k+1] = Φ X[k] + Γ u[k].
+        State transition matrix Φ in X[k+1] = Φ X[k] + Γ u[k].
     gain : ((p+1)n,) array
-        Vector Γ.
+        Input vector Γ in X[k+1] = Φ X[k] + Γ u[k].
     output : (p+1, (p+1)n) array
-        Matrix H in [ψ; ŷ] = H X.
+        Output matrix H in [ψ; ŷ] = H X of the sampled system.
     """
     F, G, H = extended_system(model, np.asarray(theta, float))
     transition, gain = discretize(F, G, period)

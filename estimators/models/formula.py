@@ -1,4 +1,4 @@
-"""Conversion of a formula such as ``"-(r^2*d_g + f_m)/J_m"`` to a sum of monomials c·Πθ^e."""
+"""Expansion of formulas such as ``"-(r^2*d_g + f_m)/J_m"`` into sums of monomials."""
 
 import ast
 from collections.abc import Mapping
@@ -13,7 +13,7 @@ Monomial = tuple[float, Mapping[str, int]]
 @lru_cache(maxsize=1024)
 def multiply_out(entry: str) -> tuple[Monomial, ...]:
     """
-    Multiply a formula out into a sum of monomials.
+    Expand a formula into a sum of monomials c·Πθ^e.
 
     Parameters
     ----------
@@ -23,12 +23,13 @@ def multiply_out(entry: str) -> tuple[Monomial, ...]:
     Returns
     -------
     tuple of (coefficient, powers)
-        One pair for each term, where powers maps names to integer exponents; empty for ``"0"``.
+        One pair for each monomial, where ``powers`` maps parameter names to integer exponents. The
+        formula ``"0"`` has no monomials.
 
     Raises
     ------
     EstimatorError
-        If the string is not a supported formula.
+        If the string is not a formula that the function supports.
 
     Examples
     --------
@@ -39,8 +40,8 @@ def multiply_out(entry: str) -> tuple[Monomial, ...]:
         terms = _expand(ast.parse(entry.strip().replace("^", "**"), mode="eval").body)
     except (SyntaxError, ValueError, TypeError, ArithmeticError):
         raise EstimatorError(
-            f"cannot read the entry {entry!r}; it may contain names, numbers, + - * /, brackets "
-            "and integer powers, and each divisor must be a single nonzero term"
+            f"cannot read the entry {entry!r}; an entry can contain names, numbers, + - * /, "
+            "brackets and integer powers, and each divisor must be a single nonzero term"
         ) from None
     return tuple((c, powers) for c, powers in terms if c != 0)
 

@@ -1,11 +1,13 @@
 """
-The torque of each kind of law over a step, with its derivatives, in compiled code.
+Compiled functions for the torque of each nonlinear law and for the derivatives of this torque.
 
-Each function writes its results into ``local``. The first results are the torque F, the law's own
-state s⁺ at the end of the step, and the derivatives of both with respect to w and s. Here w is the
-mean drive over the step, and s is the law's own state before the step, or its load. From index
-`ROLE` on, ``local`` contains the derivatives of F and s⁺ with respect to each parameter of the law,
-in pairs. `flexaxis.estimators.models.laws` defines laws and roles.
+Each function writes its results to the array ``local``. The first results are the torque F, the
+law's own state s⁺ at the end of the step, and the derivatives of F and s⁺ with respect to w and s.
+The variable w is the mean value of the law's driving variable over the step. The variable s is the
+law's own state before the step, or the load for a law that depends on a load. From index `ROLE` on,
+``local`` contains the derivatives of F and s⁺ with respect to each parameter of the law, in pairs.
+The module `flexaxis.estimators.models.laws` defines the torque laws and the roles of their
+parameters.
 """
 
 import numpy as np
@@ -26,23 +28,23 @@ LEAST = 1e-100  # N m, smallest friction level of bristles, so that 1/level² re
 @inlined
 def force(kind, w, s, u, h, value, local):  # noqa: PLR0917
     """
-    Write the torque of a law and its derivatives.
+    Write the torque of a law and the derivatives of this torque to ``local``.
 
     Parameters
     ----------
     kind : int
-        Index of the kind in `KINDS`.
+        Index of the kind of law in `KINDS`.
     w, s : float
-        Mean drive over the step, and the law's own state before the step. For a law that depends on
-        a load, s is the load.
+        Mean value of the driving variable over the step, and the law's own state before the step.
+        For a torque law that depends on a load, s is the load.
     u : float
-        Input of the model, held constant over the step.
+        Input of the model, which is constant over the step.
     h : float
-        Length of the step [s].
+        Length of the integration step [s].
     value : (R,) array
-        Parameters of the law, in the order of its roles.
+        Parameters of the torque law, in the order of the roles.
     local : (w,) array
-        Array that receives the results.
+        Array to which the function writes its results.
     """
     local[:] = 0.0
     if kind == BRISTLE:
@@ -62,10 +64,10 @@ def force(kind, w, s, u, h, value, local):  # noqa: PLR0917
 @inlined
 def _bristle(v, p, h, value, local):
     """
-    Integrate the torque p of the bristles exactly at a constant speed v; F is the mean torque.
+    Integrate the bristle torque p exactly at a constant speed v; F is the mean friction torque.
 
-    With b = σ₀ h v, a = σ₀ h |v|/g and φ₁ = (1−e^−a)/a, φ₂ = (1−φ₁)/a:
-    p⁺ = p e^−a + b φ₁, F = p φ₁ + b φ₂ + σ₁/σ₀ (p⁺−p)/h.
+    Let b = σ₀ h v, a = σ₀ h |v|/g, φ₁ = (1−e^−a)/a and φ₂ = (1−φ₁)/a. The solution for the bristle
+    torque is p⁺ = p e^−a + b φ₁, and the mean friction torque is F = p φ₁ + b φ₂ + σ₁/σ₀ (p⁺−p)/h.
     """
     stiffness, tau = value[3], value[4] / value[3] / h
     level, level_v, bump, level_s = _sliding(abs(v), value)
@@ -95,7 +97,7 @@ def _bristle(v, p, h, value, local):
 
 @inlined
 def _sliding(size, value):
-    """Return f_c + f_s exp(−(|v|/v_s)²) and its derivatives with respect to |v|, f_s and v_s."""
+    """Return f_c + f_s exp(−(|v|/v_s)²) and the derivatives with respect to |v|, f_s and v_s."""
     f_c, f_s, v_s = value[0], value[1], value[2]
     bump, level_v, level_s = 0.0, 0.0, 0.0
     if v_s > 0.0:
@@ -108,7 +110,7 @@ def _sliding(size, value):
 
 @inlined
 def _softened(size, v_0):
-    """Return r = |v|/tanh(|v|/v_0), finite at rest, and ∂r/∂|v| and ∂r/∂v_0."""
+    """Return r = |v|/tanh(|v|/v_0), which is finite at v = 0, and both partial derivatives of r."""
     if v_0 <= 0.0 or size > FAST * v_0:
         return size, 1.0, 0.0
     x = size / v_0
@@ -121,7 +123,7 @@ def _softened(size, v_0):
 
 @inlined
 def _relaxation(a):
-    """Return e^−a, φ₁, φ₂ and the derivatives of φ₁ and φ₂."""
+    """Return e^−a, φ₁, φ₂ and the derivatives of φ₁ and φ₂ with respect to a."""
     e = np.exp(-a)
     if a > SMALL:
         one = (1.0 - e) / a
@@ -139,7 +141,7 @@ def _relaxation(a):
 
 @inlined
 def _static(v, value, local):
-    """Compute F = [f_c + f_s/cosh(α v)] tanh(β v)."""
+    """Compute the friction torque F = [f_c + f_s/cosh(α v)] tanh(β v) of a static law."""
     f_c, f_s, alpha, beta = value[0], value[1], value[2], value[3]
     bell, fall = 1.0 / np.cosh(alpha * v), np.tanh(alpha * v)
     t = np.tanh(beta * v)
@@ -153,7 +155,11 @@ def _static(v, value, local):
 
 @inlined
 def _gear(v, twist, u, value, local):
-    """F = [f_c + |L| + (f_s + |L_s|) e^(−|v/v_s|^α)] tanh(v/v_0), L = μ_e r k_g x + μ_m k_T u."""
+    """
+    Compute the friction torque F = [f_c + |L| + (f_s + |L_s|) e^(−|v/v_s|^α)] tanh(v/v_0).
+
+    The load is L = μ_e r k_g x + μ_m k_T u. The load L_s at low speed is μ_es r k_g x + μ_ms k_T u.
+    """
     f_s, v_s, alpha, v_0 = value[1], value[2], value[3], value[8]
     gear, motor = value[11] * value[10] * twist, value[9] * u
     x, t = abs(v) / v_s, np.tanh(v / v_0)
@@ -189,7 +195,7 @@ def _gear(v, twist, u, value, local):
 
 @inlined
 def _load(gear, motor, of_gear, of_motor):
-    """Return |L| of the load L, and its derivatives with respect to the two summands of L."""
+    """Return |L| for the load L, and the derivatives of |L| with respect to both summands of L."""
     load = of_gear * gear + of_motor * motor
     if load == 0.0:  # if both coefficients are zero, each can only grow
         return 0.0, 1.0 if gear >= 0.0 else -1.0, 1.0 if motor >= 0.0 else -1.0
@@ -199,7 +205,7 @@ def _load(gear, motor, of_gear, of_motor):
 
 @inlined
 def _spring(x, value, local):
-    """Compute F = d + κ d³ − x, where d is the part of x outside the gap."""
+    """Compute the spring torque F = d + κ d³ − x with the part d of the twist x outside the gap."""
     kappa, half = value[0], 0.5 * value[1]
     d, side = 0.0, 0.0
     if x > half:
@@ -214,7 +220,7 @@ def _spring(x, value, local):
 
 @inlined
 def _sinusoid(angle, value, local):
-    """Compute F = a sin(N φ) + b cos(N φ)."""
+    """Compute the torque F = a sin(N φ) + b cos(N φ) at the angle φ."""
     a, b, poles = value[0], value[1], value[2]
     sine, cosine = np.sin(poles * angle), np.cos(poles * angle)
     local[F] = a * sine + b * cosine
@@ -225,7 +231,7 @@ def _sinusoid(angle, value, local):
 
 @inlined
 def _clip(u, value, local):
-    """Compute F, which is u clipped to ± the limit, minus u."""
+    """Compute the torque F that limits the input u, where F is the clipped input minus u."""
     limit = value[0]
     if abs(u) > limit:
         side = 1.0 if u > 0.0 else -1.0

@@ -1,35 +1,41 @@
 """
-Nonlinear laws of an axis as data.
+Nonlinear torque laws of an axis, represented as data.
 
-A law describes a torque, its drive, the states on which the torque acts, and its parameters. A law
-adds its torque F(w, θ), multiplied by a formula, to the derivatives of some states. The drive w of
-the law is a linear combination of states, or the input. The list below contains the kinds of law,
-with the roles of their parameters in brackets:
+A torque law describes a torque, the variable that drives the torque, the states on which the torque
+acts, and the torque parameters. A law adds its torque F(w, θ), multiplied by a formula, to the
+derivatives of some states. The driving variable w is a linear combination of states, or the input.
+The following list contains all kinds of torque law, with the roles of their parameters in brackets:
 
 bristle (coulomb, breakaway, stribeck, stiffness, damping, softness)
-    LuGre friction, which approaches Coulomb friction as the bristles become stiff. The speed is v
-    and the torque of the bristles is p: ṗ = σ₀ [v − |v| p/g(v)], F = p + σ₁/σ₀ ṗ, and
-    g(v) = [f_c + f_s exp(−(v/v_s)²)] tanh(|v|/v_0). If v_0 = 0, the factor tanh is one.
-    C. Canudas de Wit, H. Olsson, K. J. Åström and P. Lischinsky, *A new model for control of
-    systems with friction*, IEEE Trans. AC 40 (1995) 419–425.
+    LuGre friction, which approaches Coulomb friction as the bristles become stiff. With the speed v
+    and the bristle torque p, the equations are ṗ = σ₀ [v − |v| p/g(v)], F = p + σ₁/σ₀ ṗ, and g(v) =
+    [f_c + f_s exp(−(v/v_s)²)] tanh(|v|/v_0). If v_0 is zero, the tanh factor is one. The friction
+    law comes from *A new model for control of systems with friction* (Canudas de Wit, Olsson,
+    Åström and Lischinsky, 1995).
+
 static (coulomb, breakaway, alpha, beta)
-    F = [f_c + f_s/cosh(α v)] tanh(β v): E. Wernholt and S. Gunnarsson, *Nonlinear identification of
-    a physically parameterized robot model*, SYSID 2006.
+    The static friction F = [f_c + f_s/cosh(α v)] tanh(β v) from *Nonlinear identification of a
+    physically parameterized robot model* (Wernholt and Gunnarsson, 2006).
+
 spring (cubic, gap)
-    Difference between a nonlinear spring and a linear spring, both of stiffness one:
-    F = d + κ d³ − x, where d is the part of the twist x outside the gap.
+    The difference F = d + κ d³ − x between a nonlinear and a linear spring of stiffness one, where
+    d is the part of the twist x outside the gap.
+
 sinusoid (sine, cosine, poles)
-    Torque that is periodic in the angle, F = a sin(N φ) + b cos(N φ): cogging, or gravity if N = 1.
+    The torque F = a sin(N φ) + b cos(N φ), which is periodic in the angle. The torque represents
+    cogging, or gravity if N = 1.
+
 gear (coulomb, breakaway, stribeck, sharpness, motor, external, motor_slow, external_slow,
 softness; input, stiffness, ratio)
-    Friction that grows with the load of a gear,
-    F = [f_c + |μ_e τ_g + μ_m τ_u| + (f_s + |μ_es τ_g + μ_ms τ_u|) exp(−|v/v_s|^α)] tanh(v/v_0),
-    with τ_u = k_T u and τ_g = r k_g x. The twist x of the gear is the drive of the law ``spring``
-    in the same model. This is model M5 of M. Duclusaud, G. Passault, V. Padois and O. Ly, *Extended
-    friction models for the physics simulation of servo actuators*, arXiv:2410.08650, where the
-    torque of the gear has the opposite sign.
+    Friction that increases with the gear load, F = [f_c + |μ_e τ_g + μ_m τ_u| + (f_s + |μ_es τ_g +
+    μ_ms τ_u|) exp(−|v/v_s|^α)] tanh(v/v_0), where τ_u = k_T u and τ_g = r k_g x. The gear twist x
+    is the driving variable of the law ``spring`` in the same model. The friction law is model M5 in
+    *Extended friction models for the physics simulation of servo actuators* (Duclusaud, Passault,
+    Padois and Ly, arXiv:2410.08650). The paper on servo actuators uses the opposite sign for the
+    gear torque.
+
 clip (limit)
-    Torque limit of the drive: F is u clipped to ± the limit, minus u.
+    The torque limit of the motor drive, where F is the input u clipped to ± the limit, minus u.
 """
 
 from collections.abc import Mapping
@@ -42,24 +48,25 @@ from flexaxis.estimators.models.formula import multiply_out
 
 class Role(NamedTuple):
     """
-    The properties of one parameter of a law.
+    The properties of one parameter of a torque law.
 
     Attributes
     ----------
     size : str
-        Unit of ``guess``: a formula in the sizes defined by
-        `flexaxis.estimators.offline.structure`; empty if the value cannot be guessed.
+        Unit of ``guess``, as a formula in the typical magnitudes that
+        `flexaxis.estimators.offline.structure` defines. The formula is empty if the parameter value
+        cannot be guessed.
     guess : (4,) tuple of float
-        Initial estimate, its standard deviation, and its lower and upper bound, in units of
-        ``size``.
+        Initial estimate of the parameter, standard deviation of this estimate, lower bound and
+        upper bound, in units of ``size``.
     signed : bool
-        Whether the parameter may be negative.
+        Whether the parameter can be negative.
     needed : bool
-        Whether the parameter must be positive.
+        Whether the parameter must be strictly positive.
     told : bool
-        Whether the parameter is taken from a data sheet instead of being learnt.
+        Whether the parameter value comes from a data sheet and is not learnt.
     fixable : bool
-        Whether the parameter is held constant if the initialisation data do not excite it.
+        Whether the parameter is fixed if the initialisation data do not excite it.
     shared : bool
         Whether the parameter also belongs to the linear model.
     """
@@ -75,20 +82,22 @@ class Role(NamedTuple):
 
 class Kind(NamedTuple):
     """
-    A kind of law.
+    A kind of nonlinear torque law.
 
     Attributes
     ----------
     roles : mapping of str to Role
-        Parameters of the law, in the order used by compiled code.
+        Parameters of the law, in the order that the compiled code uses.
     remembers : bool
-        Whether the law has a state of its own.
+        Whether the law has its own state variable.
     rubs : bool
-        Whether the law describes friction, whose drive is a speed.
+        Whether the law describes friction, so that its driving variable is a speed.
     loaded : bool
-        Whether the torque depends on a load: the drive of a law ``spring`` in the same model.
+        Whether the torque depends on a load, which is the twist of a law ``spring`` in the same
+        model.
     nominal : (drive, force, rate), optional
-        Sizes of the law on the nominal axis, see `flexaxis.estimators.offline.structure.Sizes`.
+        Typical magnitudes of the law's variables on the nominal axis
+        (`flexaxis.estimators.offline.structure.Sizes`).
     """
 
     roles: Mapping[str, Role]
@@ -168,7 +177,7 @@ LAWS: Mapping[str, Kind] = {
         nominal=(0.85, 0.85, 0.0),
     ),
 }
-"""All kinds of law; `flexaxis.estimators.models.law_torques` computes their torques."""
+"""All kinds of torque law; `flexaxis.estimators.models.law_torques` computes the torques."""
 KINDS = tuple(LAWS)
 MOST_ROLES = max(len(kind.roles) for kind in LAWS.values())
 INPUT = "input"
@@ -177,24 +186,25 @@ INPUT = "input"
 @dataclass(frozen=True)
 class Law:
     """
-    A nonlinear law of a model.
+    A nonlinear torque law of an axis model.
 
     Parameters
     ----------
     kind : str
-        One of `KINDS`.
+        Kind of law, which is one of `KINDS`.
     drive : mapping of str to float
-        Coefficients of the drive w, keyed by the names of states or ``"input"``.
+        Coefficients of the driving variable w, keyed by state name or by ``"input"``.
     acts : mapping of str to str
-        Formulas that multiply F in the derivatives of states, keyed by the names of the states; for
-        example ``"-1/J_m"`` for a torque that brakes the motor.
+        Formulas that multiply the torque F in the state derivatives, keyed by state name. For
+        example, the formula ``"-1/J_m"`` belongs to a torque that brakes the motor.
     parameters : mapping of str to (str or float)
-        Names of parameters of the model, or numbers, keyed by role. A missing role has the value 0.
+        Names of model parameters, or numerical values, keyed by role. A role that is not listed has
+        the value 0.
 
     Raises
     ------
     EstimatorError
-        If the kind or a role is unknown, or a formula cannot be read.
+        If the kind of law or a role is unknown, or a formula cannot be read.
 
     Examples
     --------
@@ -229,18 +239,19 @@ class Law:
             multiply_out(formula)
         if not self.drive or not self.acts:
             raise EstimatorError(
-                f"law {self.kind!r} needs a drive, such as drive = {{speed_motor = 1.0}}, and a "
-                'state to act on, such as acts = {speed_motor = "-1/J_m"}'
+                f"the torque law {self.kind!r} needs a driving variable, such as drive = "
+                "{speed_motor = 1.0}, and a state on which its torque acts, such as acts = "
+                '{speed_motor = "-1/J_m"}'
             )
 
     @property
     def roles(self) -> Mapping[str, Role]:
-        """Roles of the law's parameters, by name."""
+        """Roles of the law's parameters, keyed by role name."""
         return LAWS[self.kind].roles
 
     @property
     def own(self) -> dict[str, str]:
-        """Names of the law's parameters by role, without parameters of the linear model."""
+        """Names of the law's parameters, keyed by role, without parameters of the linear model."""
         return {
             role: name
             for role, name in self.parameters.items()
@@ -249,5 +260,5 @@ class Law:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the law's own parameters in the model."""
+        """Names of the law's own parameters, as used in the model."""
         return tuple(self.own.values())

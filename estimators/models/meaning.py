@@ -1,8 +1,9 @@
 """
-The meaning of a model's parameters, derived from their positions and not from their names.
+The meaning of model parameters, derived from their position in the model equations.
 
-For example, Coulomb friction is the parameter with the role ``coulomb`` in a law, and the
-parameters of springs and dampers couple states and are divided by an inertia.
+The functions in the module `meaning` do not use parameter names. For example, Coulomb friction is
+the parameter with the role ``coulomb`` in a friction law. Spring and damper parameters couple two
+states and are divided by an inertia.
 """
 
 from collections.abc import Sequence
@@ -16,18 +17,19 @@ from flexaxis.estimators.models.laws import LAWS
 from flexaxis.estimators.models.model import Model
 
 LEVELS = ("coulomb", "breakaway", "motor", "external", "motor_slow", "external_slow")
-"""Roles of friction levels: a friction law has no effect if all these parameters are zero."""
+"""Roles of the friction torques; a friction law has no effect if these parameters are all zero."""
 LEARNT = ("k_g", "J_m", "k_a", "d_g", "d_a")
-"""Structural parameters of the three-mass axis, in the order of the estimates; others follow."""
+"""Structural parameters of the three-mass axis, in the order in which `structure` sorts them."""
 
 
 def shapes_of_friction(
     model: Model, names: Sequence[str]
 ) -> dict[tuple[str, ...], tuple[str, ...]]:
     """
-    Return the parameters of each friction law except its first level, keyed by its levels.
+    Return the shape parameters of each friction law, keyed by the friction torques of the law.
 
-    Only parameters in ``names`` are included.
+    The shape parameters of a law are all its parameters in ``names`` except the first friction
+    torque.
     """
     shapes = {}
     for law in model.laws:
@@ -40,11 +42,11 @@ def shapes_of_friction(
 
 def fixable(model: Model) -> tuple[str, ...]:
     """
-    Return the parameters that are held constant if the initialisation data do not excite them.
+    Return the parameters that are fixed if the initialisation data do not excite them.
 
-    These are the structural parameters and the parameters of backlash and nonlinear springs.
-    Friction parameters are not included because they are tracked, and cogging parameters are not
-    included because cogging is visible at any speed.
+    The result includes the structural parameters and the parameters of backlash and nonlinear
+    springs. Friction parameters are excluded because the filter tracks them. Cogging parameters are
+    excluded because cogging affects the output at any speed.
     """
     laws = (n for law in model.laws for role, n in law.own.items() if law.roles[role].fixable)
     return (*structure(model), *laws)
@@ -52,13 +54,14 @@ def fixable(model: Model) -> tuple[str, ...]:
 
 def structure(model: Model) -> tuple[str, ...]:
     """
-    Return the parameters of a linear model that are learnt once: springs, dampers and one inertia.
+    Return the parameters of a linear model that are learnt only once.
 
-    The nominal values of these parameters are usually computed instead of measured, and the
-    parameters do not change in use. Springs and dampers act between states. If the model contains
-    springs or dampers, the inertia on which the input acts is included, because the modes determine
-    its ratio to the other inertias. In a model with a single inertia, the scale of all torques is
-    undetermined, so the inertia is not included.
+    The result includes springs and dampers, which act between states, and at most one inertia. The
+    nominal values of springs, dampers and inertias are usually computed instead of measured, and
+    these parameters do not change in use. If the model contains springs or dampers, the result
+    includes the inertia on which the input acts, because the vibration modes determine the ratio of
+    this inertia to the other inertias. If the model contains neither springs nor dampers, the
+    inertia is excluded, because the data do not determine the scale of all torques.
     """
     n, terms = len(model.states), list(replace(model, laws=()).monomials())
     springs, inertias = [], []
@@ -76,11 +79,11 @@ def structure(model: Model) -> tuple[str, ...]:
 
 NEAR = 2.5
 """
-Largest ratio, in either direction, between the poles of a model and of the nominal axis.
+Largest allowed ratio between corresponding poles of a model and of the nominal axis.
 
-Up to this ratio both count as the same axis. The ratio allows for parameters at half or twice their
-true values. For comparison, the motor of the stress case "n2" coasts 11 times as long as the motor
-of "n1".
+A model whose poles differ by at most a factor of ``NEAR`` counts as the nominal axis. The ratio is
+large enough for models whose parameters are half or twice the true values. For comparison, the
+motor of the test axis "n2" coasts 11 times as long as the motor of the nominal axis "n1".
 """
 STARTED = 4.0  # largest ratio between the initial estimate of a parameter and its nominal value
 SAME = 1e-9  # relative tolerance for the values of all other parameters
@@ -88,14 +91,15 @@ SAME = 1e-9  # relative tolerance for the values of all other parameters
 
 def is_nominal_axis(model: Model, identify: Sequence[str]) -> bool:
     """
-    Return whether a model has the matrices, parameter values and units of the nominal axis.
+    Return whether a model agrees with the nominal axis in matrices, parameter values and units.
 
     Parameters
     ----------
     model : Model
     identify : sequence of str
-        Identified parameters, or their inverses. Their nominal values are initial estimates and may
-        therefore differ from the values of the nominal axis.
+        Names of identified parameters or inverse parameters. The nominal values of identified
+        parameters are initial estimates and can therefore differ from the values of the nominal
+        axis.
     """
     axis, free = three_mass(N1), {name.removeprefix("1/") for name in identify}
     if any(getattr(model, t) != getattr(axis, t) for t in ("states", "A", "B", "C", "reset")):
@@ -108,7 +112,7 @@ def is_nominal_axis(model: Model, identify: Sequence[str]) -> bool:
 
 
 def moves_as_nominal(model: Model) -> bool:
-    """Return whether a model has about the same poles as the nominal axis, regardless of units."""
+    """Return whether a model, in any units, has about the same poles as the nominal axis."""
     rates, reference = (np.sort(np.abs(_poles(m))) for m in (model, three_mass(N1)))
     if len(rates) != len(reference) or not rates.all():
         return False
@@ -116,7 +120,7 @@ def moves_as_nominal(model: Model) -> bool:
 
 
 def moving_poles(model: Model) -> NDArray[np.complex128]:
-    """Return the poles [1/s] of a model's linear part, except those with a real part of zero."""
+    """Return the poles [1/s] of a model's linear part, except poles with a real part of zero."""
     poles = _poles(replace(model, laws=()))
     return poles[np.abs(poles.real) > 1e-6 * np.abs(poles).max(initial=0.0)]
 

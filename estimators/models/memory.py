@@ -1,8 +1,9 @@
 """
-The memory of a filter: named arrays in one block.
+The memory of a filter, which consists of named arrays in one block.
 
-Python passes a block to compiled code, which creates views of the arrays in the block. Passing one
-block takes less time than passing fifty arrays. A filter is copied, pickled and reset as one array.
+Python passes the memory block to compiled code, which creates views of the arrays in the block.
+Passing one block takes less time than passing fifty arrays. A filter can be copied, pickled and
+reset as a single array.
 """
 
 from collections.abc import Callable, Mapping
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 
 DIMENSIONS = 3  # largest number of dimensions of an array
 Vector = Annotated[NDArray[np.float64], np.dtype(float), 1]
-"""Annotation of a NamedTuple field for `views`: type and number of dimensions of the array."""
+"""Annotation of a NamedTuple field for `views`, with type and number of array dimensions."""
 Matrix = Annotated[NDArray[np.float64], np.dtype(float), 2]
 Cube = Annotated[NDArray[np.float64], np.dtype(float), 3]
 Indices = Annotated[NDArray[np.int64], np.dtype(np.int64), 1]
@@ -23,23 +24,23 @@ Indices = Annotated[NDArray[np.int64], np.dtype(np.int64), 1]
 
 class Memory:
     """
-    A sequence of named arrays in one block.
+    A sequence of named arrays in one memory block.
 
     Parameters
     ----------
     arrays : mapping of str to array
-        Arrays of float64, of int64 or of records of these types. If an array is called ``now``, the
-        fields of its records can also be read and written by name.
+        Named arrays of float64, of int64 or of records of these types. If one array is called
+        ``now``, the fields of its records can also be read and written by field name.
     times : int, optional
-        Number of copies of the arrays, stored as rows of ``block``. Each array then has an
-        additional first dimension.
+        Number of copies of the arrays, which are stored as rows of ``block``. If ``times`` is
+        given, each array has an additional first dimension.
 
     Attributes
     ----------
     block : (size,) or (times, size) array
-        Content of all arrays.
+        Memory block with the content of all arrays.
     at : (fields, 4) int array
-        Start and shape of each array in a block; shapes are padded with ones.
+        Start and shape of each array in a block, with shapes padded with ones.
     """
 
     def __init__(self, arrays: Mapping[str, NDArray[Any]], times: int | None = None) -> None:
@@ -71,12 +72,12 @@ class Memory:
         (self._content if name in self._names else self._now)[name] = value
 
     def copy(self) -> "Memory":
-        """Return a copy of the arrays in a new block."""
+        """Return a copy of all arrays in a new memory block."""
         return deepcopy(self)
 
 
 def numbers(kind: np.dtype, values: Mapping[str, Any]) -> NDArray[np.void]:
-    """Return a record (1,) with the given values; all other fields are zero."""
+    """Return a record array (1,) with the given field values; all other fields are zero."""
     made = np.zeros(1, kind)
     for name, value in values.items():
         made[name] = value
@@ -85,15 +86,16 @@ def numbers(kind: np.dtype, values: Mapping[str, Any]) -> NDArray[np.void]:
 
 def views(kind: Any, block: NDArray[np.float64], at: NDArray[np.int64]) -> Any:
     """
-    Return the arrays of a block as a NamedTuple, in Python and in compiled code.
+    Return the arrays of a memory block as a NamedTuple, in Python and in compiled code.
 
     Parameters
     ----------
     kind : class
-        Class of the NamedTuple. Each field of the class is an array, annotated in the same way as
-        `Vector`, or another such NamedTuple. The block contains the arrays in this order.
-    block, at
-        Attributes of a `Memory`.
+        Class of the NamedTuple. Each field of the NamedTuple is an array with an annotation like
+        `Vector`, or another NamedTuple of arrays. The block contains the arrays in the order of the
+        fields.
+    block, at : arrays
+        Attributes of a `Memory` object.
     """
     rows = iter(range(len(at)))
 
@@ -106,7 +108,7 @@ def views(kind: Any, block: NDArray[np.float64], at: NDArray[np.int64]) -> Any:
 
 
 def _view(dtype: np.dtype, dimensions: int) -> Callable:
-    """Return a function of block, ``at`` and row that returns one view and can be compiled."""
+    """Return a compilable function that returns a view of one array of a memory block."""
     words = dtype.itemsize // 8
 
     # A compiled function without reference counting can return a view only in a tuple.

@@ -1,10 +1,10 @@
 """
-A grey-box model as data: tables of formulas for A, B and C, and nonlinear laws.
+A grey-box model as data, with tables of formulas for A, B and C, and nonlinear torque laws.
 
-Every entry of a table is a formula in the physical parameters, such as ``"-(r^2*d_g + f_m)/J_m"``.
-Each formula is multiplied out into monomials ``c·Πθ^e``. The matrices at any θ, their derivatives
-and the tables of the compiled filters are computed from these monomials, for any choice of
-identified parameters.
+Each entry of a table is a formula in the physical parameters, such as ``"-(r^2*d_g + f_m)/J_m"``.
+The program expands each formula into monomials ``c·Πθ^e``. For any choice of identified parameters,
+the program computes the matrices, their derivatives and the tables of the compiled filters from
+these monomials.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -21,41 +21,44 @@ from flexaxis.estimators.models.parametrization import Parametrization, law_reco
 @dataclass(frozen=True)
 class Model:
     """
-    The model ẋ = A x + B u, y = C x, with entries that are formulas in physical parameters.
+    The model ẋ = A x + B u, y = C x, whose matrix entries are formulas in physical parameters.
 
-    The `laws` add their torques to the derivatives of some states. Some laws have a state of their
-    own, such as the torque of bristles; these states follow the states of the linear model.
+    The attribute `laws` adds nonlinear torques to the derivatives of some states. Some torque laws
+    have their own state, such as the bristle torque. The states of torque laws follow the states of
+    the linear model.
 
     Parameters
     ----------
     name : str
-        Name of the model, used in messages.
+        Name of the model, which appears in error messages.
     states : sequence of str
-        Names of the n states.
+        Names of the n states of the linear model.
     A : sequence of n rows of n str
-        Entries of A: formulas with names, numbers, ``+ - * /``, integer powers (``^`` or ``**``)
-        and brackets.
+        Entries of A. Each entry of A is a formula with names, numbers, ``+ - * /``, integer powers
+        (``^`` or ``**``) and brackets.
     B, C : sequence of n str
-        Entries of the column B and of the row C.
+        Entries of the column vector B and of the row vector C.
     nominal : mapping
         Nominal value of every physical parameter [SI].
     reset : sequence of str
-        States that are set to zero, with their sensitivities, at the start of every sample.
+        Names of the states that are set to zero at the start of every sample, together with their
+        sensitivities.
     positive, nonnegative, nonzero : sequence of str
-        Names of the parameters whose nominal value must be positive, must not be negative, or must
+        Names of the parameters whose nominal values must be positive, must not be negative, or must
         not be zero.
     identify : sequence of str
-        Parameters that are identified by default.
+        Names of the parameters that are identified by default.
     fixed : sequence of str
-        Parameters that cannot change, such as a gear ratio; detectors do not test them for changes.
+        Names of the parameters that cannot change, such as a gear ratio. Change detectors do not
+        test fixed parameters.
     laws : sequence of Law
-        Nonlinear laws; see `flexaxis.estimators.models.laws`.
+        Nonlinear torque laws, as defined in `flexaxis.estimators.models.laws`.
 
     Raises
     ------
     EstimatorError
-        If the tables do not fit together, an entry cannot be read, or a nominal value is missing,
-        not finite or of the wrong sign.
+        If the table sizes do not match, or an entry cannot be read. The error also occurs if a
+        nominal value is missing, not finite or of the wrong sign.
 
     Examples
     --------
@@ -83,26 +86,26 @@ class Model:
         n = len(self.states)
         if [len(self.A), len(self.B), len(self.C), *map(len, self.A)] != [n] * (n + 3):
             raise EstimatorError(
-                f"model {self.name!r} has {n} states, so A needs {n} rows of {n} entries, "
-                f"and B and C need {n} entries each"
+                f"the model {self.name!r} has {n} states, so A needs {n} rows with {n} entries "
+                f"each, and B and C need {n} entries each"
             )
         for law in self.laws:
             for state in (*law.acts, *law.drive):
                 if state not in self.states and not (state == INPUT and state in law.drive):
                     raise EstimatorError(
-                        f"law {law.kind!r} of model {self.name!r} names an unknown state "
-                        f"{state!r}: {did_you_mean(state, (*self.states, INPUT))}"
+                        f"the law {law.kind!r} of the model {self.name!r} contains the unknown "
+                        f"state {state!r}: {did_you_mean(state, (*self.states, INPUT))}"
                     )
             if LAWS[law.kind].loaded and "spring" not in {other.kind for other in self.laws}:
                 raise EstimatorError(
-                    f"law {law.kind!r} depends on the drive of a law 'spring', and model "
-                    f"{self.name!r} has no such law; add one (cubic and gap may be 0)"
+                    f"the law {law.kind!r} depends on the twist of a law 'spring', but the model "
+                    f"{self.name!r} has no law 'spring'; add this law (cubic and gap can be 0)"
                 )
         for name in self.parameters:
             if not np.isfinite(self.nominal.get(name, np.nan)):
                 raise EstimatorError(
-                    f"model {self.name!r} needs a finite nominal value of {name!r}; "
-                    f"given: {', '.join(self.nominal) or 'none'}"
+                    f"the model {self.name!r} needs a finite nominal value of {name!r}; the given "
+                    f"nominal values are: {', '.join(self.nominal) or 'none'}"
                 )
         self._check_signs()
         for row, column, (coefficient, powers) in self.monomials():
@@ -111,8 +114,8 @@ class Model:
                 value = coefficient * np.prod(values ** [*powers.values()])
             if not np.isfinite(value):
                 raise EstimatorError(
-                    f"row {row + 1}, column {column + 1} of [A B; C 0] of model {self.name!r} is "
-                    f"not finite at the nominal values of {', '.join(powers)}"
+                    f"the entry in row {row + 1}, column {column + 1} of [A B; C 0] of the model "
+                    f"{self.name!r} is not finite at the nominal values of {', '.join(powers)}"
                 )
 
     def _check_signs(self) -> None:
@@ -127,28 +130,29 @@ class Model:
             for name in names:
                 if name in self.nominal and not allowed(self.nominal[name], 0):
                     raise EstimatorError(
-                        f"{name} = {self.nominal[name]:g} is not possible in model {self.name!r}: "
-                        f"its value must be {words}"
+                        f"the parameter {name} is {self.nominal[name]:g}, but must be {words} in "
+                        f"the model {self.name!r}"
                     )
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """Physical parameters used in entries and laws, in the order of ``nominal``."""
+        """Physical parameters in matrix entries and torque laws, in the order of ``nominal``."""
         used = {name for *_, (_, powers) in self.monomials() for name in powers}
         used |= self.law_parameters
         return (*(n for n in self.nominal if n in used), *sorted(used.difference(self.nominal)))
 
     @property
     def law_parameters(self) -> frozenset[str]:
-        """Names of the parameters of all laws; these parameters may be zero."""
+        """Names of the parameters of all torque laws; these parameters can be zero."""
         return frozenset(name for law in self.laws for name in law.names)
 
     def monomials(self) -> Iterator[tuple[int, int, Monomial]]:
         """
-        Yield row, column and monomial of every term of the block matrix [A B; C 0].
+        Yield row, column and monomial of each term in the block matrix [A B; C 0].
 
-        The states of the linear model are followed by the states of the laws, which have no terms,
-        and by the torque of each law. The column of a torque contains the formulas in ``acts``.
+        The block matrix first contains the states of the linear model. The rows and columns of the
+        torque law states follow and are empty. The torques of all laws come last. The matrix column
+        of a torque contains the formulas in ``acts``.
         """
         more = ["0"] * (sum(LAWS[law.kind].remembers for law in self.laws) + len(self.laws))
         rows = [[*row, *more, b] for row, b in zip(self.A, self.B, strict=True)]
@@ -163,18 +167,18 @@ class Model:
 
     def parametrize(self, identify: Sequence[str] | None = None) -> "Parametrization":
         """
-        Select the parameters to identify; nominal values replace all other parameters.
+        Select the parameters to identify, and replace all other parameters by their nominal values.
 
         Parameters
         ----------
         identify : sequence of str, optional
-            Names of physical parameters, such as ``"J_a"``, or their inverses, such as ``"1/J_a"``;
-            the model's attribute ``identify`` by default.
+            Names of physical parameters, such as ``"J_a"``, or of inverse parameters, such as
+            ``"1/J_a"``. By default, the model's attribute ``identify`` is used.
 
         Returns
         -------
         Parametrization
-            The model as a function of θ.
+            The model as a function of the identified parameters θ.
 
         Raises
         ------
@@ -187,20 +191,21 @@ class Model:
         for name, asked in zip(physical, identify, strict=True):
             if name not in self.parameters:
                 raise EstimatorError(
-                    f"model {self.name!r} has no parameter {asked!r} to identify: "
+                    f"the model {self.name!r} has no parameter {asked!r} to identify: "
                     + did_you_mean(name, self.parameters)
-                    + "; or an inverse, such as '1/J_a'"
+                    + "; inverse parameters such as '1/J_a' are allowed, too"
                 )
             if name != asked and name in of_laws:
                 raise EstimatorError(
-                    f"{asked!r} cannot be identified: a law depends on {name}; identify {name!r}"
+                    f"{asked!r} cannot be identified, because a torque law depends on {name!r}; "
+                    f"identify {name!r} instead"
                 )
             if physical.count(name) > 1:
                 raise EstimatorError(
-                    f"identify names {name!r} twice in {', '.join(identify)}; name it once"
+                    f"the option identify contains {name!r} twice: {', '.join(identify)}"
                 )
         if not physical:
-            raise EstimatorError("identify is empty; name at least one parameter")
+            raise EstimatorError("the option identify is empty; give at least one parameter")
         sign = np.array([-1 if name.startswith("1/") else 1 for name in identify])
         terms = []
         for row, column, (coefficient, powers) in self.monomials():

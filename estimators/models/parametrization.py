@@ -1,7 +1,7 @@
 """
-A model as a function of the identified parameters: a sum of terms c·Πθ^e.
+A model as a function of the identified parameters, represented by terms c·Πθ^e.
 
-The laws of the model are stored as records for compiled code.
+The nonlinear torque laws of the model are stored as records for compiled code.
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,7 +15,7 @@ from flexaxis.estimators.models.laws import INPUT, KINDS, LAWS, MOST_ROLES, Law
 Array = NDArray[np.float64]
 
 F, F_W, F_S, S, S_W, S_S, ROLE = range(7)
-"""Indices into ``local``, see `flexaxis.estimators.models.law_torques`."""
+"""Indices into the array ``local`` of `flexaxis.estimators.models.law_torques`."""
 LAW = np.dtype(
     [("kind", int), ("memory", int), ("load", int)]
     + [(name, float) for name in ("force", "offset", "change", "reach")]
@@ -23,14 +23,16 @@ LAW = np.dtype(
     + [("roles", float, MOST_ROLES), ("local", float, ROLE + 2 * MOST_ROLES)]
 )
 """
-A law as a record.
+Record type of a nonlinear torque law.
 
-``kind`` is the index in `KINDS`. ``memory`` is the index of the law's own state, and ``load`` is
-the index of the law that acts as its load; both may be −1 for none. ``force`` is the last torque;
-``offset``, ``change`` and ``reach`` are used by the search in `reaction`. For each role,
-``parameter`` is the index i of an identified parameter, and ``value`` is a factor of θ_i. If
-``parameter`` is −1, ``value`` is the value of the parameter itself. ``roles`` contains the
-parameters of the law at θ, and ``local`` contains the torque and its derivatives.
+The field ``kind`` is the index of the law's kind in `KINDS`. The field ``memory`` is the index of
+the law's own state, or −1 for a law without a state. The field ``load`` is the index of the law
+that acts as load, or −1 for a law without a load. The field ``force`` is the last torque. The
+fields ``offset``, ``change`` and ``reach`` belong to the search in `reaction`. For each role, the
+field ``parameter`` is the index i of an identified parameter, and the field ``value`` is a factor
+that multiplies θ_i. If ``parameter`` is −1, ``value`` is the parameter value itself. The field
+``roles`` contains the parameters of the law at θ, and ``local`` contains the torque and its
+derivatives.
 """
 
 
@@ -41,25 +43,25 @@ def law_records(
     identify: Sequence[str],
 ) -> tuple[NDArray[np.void], Array]:
     """
-    Convert laws to records for compiled code.
+    Convert torque laws to records for compiled code.
 
     Parameters
     ----------
     laws : sequence of L laws
     states : sequence of str
-        Names of the states of the linear model. The states of the laws follow these states, in the
-        order of the laws.
+        Names of the states of the linear model. The states of the torque laws follow the states of
+        the linear model, in the order of the laws.
     nominal : mapping of str to float
-        Nominal values of the parameters.
+        Nominal values of the physical parameters.
     identify : sequence of str
         Names of the identified parameters.
 
     Returns
     -------
     records : (L,) records
-        Laws, of type `LAW`.
+        Torque laws as records of type `LAW`.
     drive : (L, n+1) array
-        Coefficients of the n states and of the input in the drive w of each law.
+        Coefficients of the n states and of the input in the driving variable w of each law.
     """
     records, kinds = np.zeros(len(laws), LAW), [law.kind for law in laws]
     records["parameter"] = records["memory"] = records["load"] = -1
@@ -85,7 +87,7 @@ def law_records(
 @dataclass(frozen=True)
 class Parametrization:
     """
-    A model as a function of θ: the terms c·Πθ^e of the block matrix [A B; C 0].
+    A model as a function of θ, represented by the terms c·Πθ^e of the matrix [A B; C 0].
 
     Attributes
     ----------
@@ -94,20 +96,21 @@ class Parametrization:
     theta : (p,) array
         Nominal values of the identified parameters.
     n : int
-        Number of states, including the states and the torques of laws.
+        Number of states, including the states and the torques of torque laws.
     row, column : (t,) int arrays
-        Position of each term in the (n+1, n+1) block matrix.
+        Row and column of each term in the (n+1, n+1) block matrix.
     coefficient : (t,) array
-        Factor c of each term, including the powers of all parameters that are not identified.
+        Factor c of each term, which includes the powers of all parameters that are not identified.
     exponent : (t, p) int array
-        Exponent of each θ_i in each term.
+        Exponent of each parameter θ_i in each term.
     reset : tuple of int
         Indices of the states that are set to zero at the start of every sample.
     laws, drive : (L,) records, (L, n+1) array
-        Nonlinear laws, see `law_records`. The torques of the laws are the last states of the
-        matrix; the linear part holds these torques constant over a step.
+        Nonlinear torque laws, as returned by `law_records`. The torques of the laws are the last
+        states of the block matrix. The linear part of the model treats the torques of the laws as
+        constant over a step.
     additive : tuple of bool
-        For each θ_i, whether the parameter belongs to a law and may therefore be zero.
+        For each θ_i, whether the parameter belongs to a torque law and can therefore be zero.
     """
 
     names: tuple[str, ...]
@@ -124,17 +127,17 @@ class Parametrization:
 
     @property
     def forces(self) -> int:
-        """Number of laws, which equals the number of torques among the states of the matrix."""
+        """Number of torque laws, which is also the number of torques among the states."""
         return len(self.laws)
 
     @property
     def states(self) -> int:
-        """Number of states, including the states of laws but not the torques of laws."""
+        """Number of states, including the states but not the torques of the torque laws."""
         return self.n - self.forces
 
     def relative(self, scale: ArrayLike) -> "Parametrization":
         """
-        Return the same model as a function of θ/scale, which is dimensionless.
+        Return the model as a function of the dimensionless parameters θ/scale.
 
         Parameters
         ----------
@@ -151,7 +154,7 @@ class Parametrization:
 
     def blocks(self, theta: ArrayLike) -> Array:
         """
-        Return the block matrix [A B; C 0] at θ and its p derivatives, of shape (1+p, n+1, n+1).
+        Return [A B; C 0] at θ and its p derivatives as an array (1+p, n+1, n+1).
 
         Parameters
         ----------
@@ -171,7 +174,7 @@ class Parametrization:
 
     def matrices(self, theta: ArrayLike) -> tuple[Array, Array, Array]:
         """
-        Return A (n, n), B (n, 1) and C (1, n) at θ, paper eq. (3), (4).
+        Return A (n, n), B (n, 1) and C (1, n) of the paper's equations (3) and (4) at θ.
 
         Parameters
         ----------

@@ -1,12 +1,12 @@
 """
-An implicit solution for the torques of the laws, which are held constant over a step.
+An implicit solution for nonlinear torques, which are treated as constant over a step.
 
-Over a step of length h, the linear part is integrated exactly for constant torques F:
-x⁺ = Φ x + Γ_u u + Γ_F F. Every law uses the mean of its drive at both ends of the step,
-w̄ = ½ D (x + x⁺). Therefore w̄ = c + G F(w̄) with c = ½ D (x + Φ x + Γ_u u) and G = ½ D Γ_F. The
-equations of all laws are solved together. The scheme is of second order and is stable for any
-stiffness of the friction. The derivatives are exact and follow from
-(I − G F_w) w̄' = c' + G' F + G (F_s s' + F_θ).
+For constant torques F, the linear part has the exact solution x⁺ = Φ x + Γ_u u + Γ_F F over a step
+of length h. Each torque law uses the mean w̄ = ½ D (x + x⁺) of its driving variable at both ends of
+the step. Therefore w̄ = c + G F(w̄) with c = ½ D (x + Φ x + Γ_u u) and G = ½ D Γ_F. The equations
+of all torque laws are solved simultaneously. The integration scheme has second order and is stable
+for any friction stiffness. The exact derivatives follow from (I − G F_w) w̄' = c' + G' F + G (F_s
+s' + F_θ).
 """
 
 import numpy as np
@@ -32,7 +32,7 @@ LEAST_SHARE = 1 / 64  # smallest fraction of a step if the steps reverse without
 
 @fused
 def half_drives(drive, X, u, w):
-    """Compute w = ½ D [x; u] (L, lanes) and its derivatives from the states X (≥ n, lanes)."""
+    """Compute w = ½ D [x; u] (L, lanes) and the derivatives of w from the states X (≥ n, lanes)."""
     n = drive.shape[1] - 1
     for i in range(len(drive)):
         w[i] = 0.0
@@ -44,7 +44,7 @@ def half_drives(drive, X, u, w):
 
 @inlined
 def assign(laws, theta):
-    """Write the parameters of all laws at θ, in the order of their roles."""
+    """Write the parameter values of all torque laws at θ to the field ``roles`` of each law."""
     for i in range(len(laws)):
         law = laws[i]
         for r in range(MOST_ROLES):
@@ -55,24 +55,26 @@ def assign(laws, theta):
 @fused
 def react(axis, h, u, X):
     """
-    Add the effect of the laws, with derivatives, to the states after a step.
+    Add the effects of all nonlinear torques to the states after a step and to their derivatives.
 
     Parameters
     ----------
     axis : Axis
-        Arrays of the model. ``laws`` (L,) contains the parameters at θ. ``drive`` (L, n+1) contains
-        the coefficients D of the n states and of the input in the drives of the laws. ``response``
-        (L, N, lanes) contains the change Γ_F of each row of X caused by a torque of one that is
-        held over the step. ``coupling`` (L, L, lanes) contains the columns of G = ½ D Γ_F.
-        ``lanes[0]`` (L, lanes) contains half of the drives before the step. The function overwrites
-        the mean drives w̄ in ``lanes[1]`` and the torques F in ``lanes[2]``, both with derivatives.
-        It also overwrites ``work`` (L, 2 L), whose right half becomes (I − G F_w)⁻¹.
+        Arrays of the model. The array ``laws`` (L,) contains the law parameters at θ. The array
+        ``drive`` (L, n+1) contains the coefficients D of the n states and of the input in the
+        driving variables of the laws. The array ``response`` (L, N, lanes) contains the change Γ_F
+        of each row of X that a constant unit torque causes over a step. The array ``coupling`` (L,
+        L, lanes) contains the columns of G = ½ D Γ_F. The array ``lanes[0]`` (L, lanes) contains
+        half of the driving variables before the step. The function writes the mean driving
+        variables w̄ to ``lanes[1]`` and the torques F to ``lanes[2]``, with all derivatives. The
+        function also overwrites ``work`` (L, 2 L), whose right half becomes (I − G F_w)⁻¹.
     h : float
-        Length of the step [s].
+        Length of the integration step [s].
     u : float
-        Input, held over the step.
+        Input of the model, which is constant over the step.
     X : (N, lanes) array
-        States and output after the step, computed without laws and corrected by this function.
+        States and output after the step. The caller computes X without the nonlinear torques, and
+        `react` corrects X.
     """
     laws, response, coupling, work = axis.laws, axis.response, axis.coupling, axis.work
     before, mean, torque = axis.lanes[0], axis.lanes[1], axis.lanes[2]
@@ -95,7 +97,7 @@ def react(axis, h, u, X):
 
 @fused
 def _differentiate(laws, coupling, work, X, mean, torque):  # noqa: PLR0917
-    """Write (I − G F_w) w̄' into ``mean`` and F' into ``torque``; keep the first lane of both."""
+    """Write (I − G F_w) w̄' to ``mean`` and F' to ``torque``; their first lanes do not change."""
     L = len(laws)
     for i in range(L):
         law = laws[i]
@@ -117,7 +119,7 @@ def _differentiate(laws, coupling, work, X, mean, torque):  # noqa: PLR0917
 
 @fused
 def _add_parameters(law, which, A, i):
-    """Add to A_i the derivatives of a law's torque (0) or state (1) with respect to θ."""
+    """Add the derivatives of a law's torque (0) or own state (1) with respect to θ to row A_i."""
     for r in range(MOST_ROLES):
         if law["parameter"][r] >= 0:
             A[i, 1 + law["parameter"][r]] += law["local"][ROLE + 2 * r + which] * law["value"][r]
@@ -125,7 +127,7 @@ def _add_parameters(law, which, A, i):
 
 @fused
 def _remember(laws, work, mean, X):
-    """Integrate the states of the laws over the step, and store the torques of the laws."""
+    """Integrate the states of all torque laws over the step, and store the torques."""
     L = len(laws)
     for i in range(L):
         law = laws[i]
@@ -143,13 +145,15 @@ def _remember(laws, work, mean, X):
 @inlined
 def _search(laws, h, u, X, coupling, work, mean):  # noqa: PLR0917
     """
-    Solve w̄ = c + G F(w̄) by Newton's method, starting with the torques of the previous step.
+    Solve w̄ = c + G F(w̄) by Newton's method, starting from the torques of the previous step.
 
-    If friction falls steeply with speed, there may be several solutions, and none near the start.
-    In that case, w̄ moves in the direction of the residual, usually to the next stable solution.
+    If friction decreases steeply with speed, the equation for w̄ can have several solutions,
+    possibly far from the start. If Newton's method does not converge, w̄ moves in the direction of
+    the residual, usually to the next stable solution.
 
-    ``mean[:, 0]`` contains c at the start and w̄ at the end. At the end, ``local`` of each law is
-    evaluated at w̄, and the right half of ``work`` is (I − G F_w)⁻¹.
+    The array ``mean[:, 0]`` initially contains c, and the solution w̄ overwrites it. After the
+    search, ``local`` of each law contains the torque and the derivatives at w̄, and the right half
+    of ``work`` contains (I − G F_w)⁻¹.
     """
     L = len(laws)
     for i in range(L):
@@ -189,7 +193,7 @@ def _search(laws, h, u, X, coupling, work, mean):  # noqa: PLR0917
 
 @inlined
 def _differences(laws, coupling, flat, work):
-    """Write [I − G F_w, I]; if ``flat``, omit the slopes that cause several solutions."""
+    """Write [I − G F_w, I]; if ``flat`` is True, omit the slopes that cause multiple solutions."""
     L = len(laws)
     for i in range(L):
         for j in range(L):
@@ -206,7 +210,7 @@ def _differences(laws, coupling, flat, work):
 
 @inlined
 def _goes_on(laws):
-    """Store a flat step, and return whether it has the same direction as the previous one."""
+    """Store a search step, and return whether its direction agrees with the previous step."""
     forth = 0.0
     for i in range(len(laws)):
         law = laws[i]
@@ -217,7 +221,7 @@ def _goes_on(laws):
 
 @inlined
 def _newton(laws, coupling, work, mean):
-    """Write the step of Newton's method, and return the size of the step relative to w̄."""
+    """Write the step of Newton's method, and return the step size relative to w̄."""
     L, size = len(laws), 0.0
     for i in range(L):
         laws[i]["change"] = 0.0
@@ -234,7 +238,7 @@ def _newton(laws, coupling, work, mean):
 
 @inlined
 def _invert(work):
-    """Turn [A, I] into [I, A⁻¹] by Gauss–Jordan elimination with pivots."""
+    """Transform [A, I] into [I, A⁻¹] by Gauss–Jordan elimination with pivoting."""
     for k in range(len(work)):
         pivot = k
         for i in range(k + 1, len(work)):

@@ -1,8 +1,9 @@
 """
-Operations on rows of a matrix, four numbers at a time; row lengths are multiples of four.
+Operations on matrix rows whose lengths are multiples of four.
 
-The compiler turns the loops into vector instructions. Indices are unsigned, because numba checks
-signed indices for negative values, which prevents vectorisation.
+Each operation processes four numbers at a time, so that the compiler can use vector instructions.
+Indices are unsigned, because the check of signed indices for negative values prevents
+vectorisation.
 """
 
 from functools import partial
@@ -18,7 +19,7 @@ _on_rows = partial(Compiled, fastmath={"contract"}, forceinline=True)  # inlined
 
 
 def padded(m: int) -> int:
-    """Return the row length for m numbers: m rounded up to a multiple of four."""
+    """Return the row length for m numbers, which is m rounded up to a multiple of four."""
     return -4 * (-m // 4)
 
 
@@ -32,7 +33,7 @@ def copy(A, i, B, j):
 
 @_on_rows
 def add(A, i, m, B, j):
-    """Add a multiple of a row: A_i ← A_i + m B_j."""
+    """Add a multiple of row B_j to row A_i, so that A_i ← A_i + m B_j."""
     i, j = np.uint64(i), np.uint64(j)
     for b in range(ZERO, np.uint64(A.shape[1]), FOUR):
         p, q, r, s = A[i, b], A[i, b + ONE], A[i, b + TWO], A[i, b + THREE]
@@ -43,7 +44,7 @@ def add(A, i, m, B, j):
 
 @_on_rows
 def add_slopes(A, i, m, B, j):
-    """Add derivatives as `add` does, but keep the first number of row A_i, which is the value."""
+    """Add m B_j to A_i except for the first element of row A_i, which is not a derivative."""
     if m != 0.0:
         value = A[i, 0]
         add(A, i, m, B, j)
@@ -52,7 +53,7 @@ def add_slopes(A, i, m, B, j):
 
 @_on_rows
 def product(A, i, M, at, column, B, first, step, count):  # noqa: PLR0917
-    """Compute A_i ← Σ_j M_(at + j, column) B_(first + j step) for j = 0 … ``count`` − 1."""
+    """Compute the sum A_i ← Σ_j M_(at + j, column) B_(first + j step) over ``count`` rows of B."""
     i, at, column = np.uint64(i), np.uint64(at), np.uint64(column)
     first, step = np.uint64(first), np.uint64(step)
     for b in range(ZERO, np.uint64(A.shape[1]), FOUR):

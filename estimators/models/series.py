@@ -1,20 +1,21 @@
 """
-Integration of a model over a sample, with derivatives, eq. (17)–(24).
+Integration of a model and its derivatives over a sample by equations (17)–(24).
 
-A model is represented by the block matrix N = [A B; 0 0] T/s and the output row C. Both are stored
-as tables of terms c Πθ^e. The powers of N are computed once per sample. These powers determine the
-transition and its derivative with respect to each entry of N:
+The block matrix N = [A B; 0 0] T/s and the output row C represent a model. N and C are stored as
+tables of terms c Πθ^e. The powers of N are computed once for each sample. The powers of N determine
+the state transition and the derivative of the state transition with respect to each entry of N:
 
     Φ(θ) = Σ_k N^k/k!                                            transition of [x; u], (20)
     ∂Φ/∂N_rc ξ = Σ_j N^j e_r g_jc,  g_j = Σ_k (N^k ξ)/(j+k+1)!   its derivative by an entry of N
     z_i⁺ = Φ z_i + Σ_rc ∂N_rc/∂θ_i (∂Φ/∂N_rc ξ)                  sensitivities, (21)–(23)
     ψ_i = C z_i + ∂C/∂θ_i x⁺                                     gradient, (16), (24)
 
-Each row of X (n+1, lanes) contains a state and its derivatives; the last row contains the output
-and its derivatives. The derivatives are taken with respect to each θ_i and, if a filter needs them,
-with respect to the state at the start of the sample. The last states are the torques of the laws,
-which the linear part holds constant. `flexaxis.estimators.models.discretisation` computes the same
-transition with a matrix exponential.
+Each row of X (n+1, lanes) contains a state and its derivatives. The last row of X contains the
+output and the derivatives of the output. The derivatives are taken with respect to each θ_i and, in
+Kalman filters, with respect to the state at the start of the sample. The last states are the
+nonlinear torques, which the linear part of the model treats as constant. The module
+`flexaxis.estimators.models.discretisation` computes the same state transition with a matrix
+exponential.
 """
 
 from typing import Annotated, NamedTuple
@@ -31,16 +32,23 @@ from flexaxis.estimators.models.rows import add, copy, padded, product
 SIZES = np.dtype(
     [(name, int) for name in ("n", "held", "order", "parts", "steps", "output")] + [("h", float)]
 )
-"""Fields: number of all states; number of states that are not torques of laws; order of the series;
-substeps per step; steps per sample; index of the first entry of C; length of a step [s]."""
+"""
+Data type of the sizes of a model.
+
+The fields are the number of states with and without nonlinear torques, the series order, the
+substeps per step, the steps per sample, the index of the first entry of C, and the step length [s].
+"""
 ENTRY = np.dtype(
     [(name, int) for name in ("row", "column", "first", "last")]
     + [("coefficient", float), ("value", float)]
 )
-"""A term c Πθ^e of [A B; C 0]: its position, the range of its slopes, c, and its value at θ. Terms
-are sorted by column; the terms of C come last."""
+"""
+A term c Πθ^e of [A B; C 0], with row, column, range of slopes, factor c, and value at θ.
+
+The terms are sorted by column, and the terms of C come last.
+"""
 SLOPE = np.dtype([("entry", int), ("theta", int), ("power", int), ("value", float)])
-"""A factor θ_i^e of a term, with the derivative of the term with respect to θ_i."""
+"""A factor θ_i^e of a term, and the derivative of the term with respect to θ_i."""
 
 INVERSE_FACTORIALS = 1.0 / np.cumprod(np.arange(1.0, 82.0))
 SERIES = INVERSE_FACTORIALS[np.add.outer(np.arange(40), np.arange(40))]  # 1/(j+k+1)!
@@ -49,24 +57,25 @@ EXPONENTIAL = np.append(1.0, INVERSE_FACTORIALS)[:, None]  # 1/k!
 
 class Axis(NamedTuple):
     """
-    A model with the arrays that are needed to integrate it over a sample.
+    A model with all arrays that its integration over a sample needs.
 
     Attributes
     ----------
-    sizes, entries, slopes, reset
-        Tables of the model; ``reset`` lists the states that are zero at the start of a sample.
+    sizes, entries, slopes, reset : record and int arrays
+        Tables of the model. The table ``reset`` contains the states that are set to zero at the
+        start of each sample.
     Q : ((order+2)(n+1), w) array
-        Columns of N⁰, N¹, …, and of Φ.
+        Columns of the matrix powers N⁰, N¹, … and of Φ.
     laws : (L,) records
-        Nonlinear laws, of type `flexaxis.estimators.models.parametrization.LAW`.
-    drive, coupling, work, lanes, response
-        Arguments of `flexaxis.estimators.models.reaction.react`.
+        Nonlinear torque laws as records of type `flexaxis.estimators.models.parametrization.LAW`.
+    drive, coupling, work, lanes, response : arrays
+        Arrays that `flexaxis.estimators.models.reaction.react` uses.
     point : (n+1, 1) array
         Vector ξ = [x; u].
     trail, g, effect : (order, w), (order, w), (entries, w) arrays
-        Vectors N^k ξ, vectors g_j, and the product ∂Φ/∂N_rc ξ of each term.
+        The vectors N^k ξ, the vectors g_j, and the product ∂Φ/∂N_rc ξ for each term.
     after : (n, lanes) array
-        States and derivatives after a substep.
+        States and their derivatives after a substep.
     """
 
     sizes: Annotated[NDArray[np.void], SIZES, 1]
@@ -91,7 +100,7 @@ def axis_arrays(
     model: Parametrization, plan: tuple[int, int, int], period: float, lanes: int
 ) -> dict[str, NDArray]:
     """
-    Return the arrays that form an `Axis`, keyed by name.
+    Return the arrays of an `Axis` tuple in a dictionary keyed by array name.
 
     Parameters
     ----------
@@ -101,7 +110,7 @@ def axis_arrays(
     period : float
         Sampling period [s].
     lanes : int
-        Number of columns of X.
+        Number of columns of the array X.
     """
     steps, order, parts = plan
     n, held, L = model.n, model.states, model.forces
@@ -134,7 +143,7 @@ def axis_arrays(
 
 
 def _tables(model: Parametrization, length: float) -> tuple[NDArray, NDArray]:
-    """Return the terms of a model for a substep of the given length [s], and their slopes."""
+    """Return the terms of a model for a substep of ``length`` [s], and the slopes of all terms."""
     scale = np.where(model.row < model.n, length, 1.0)  # the output row C is not integrated
     places = model.row == model.n, model.column, model.row
     keys, which = np.unique(np.column_stack([*places, model.exponent]), axis=0, return_inverse=True)
@@ -153,7 +162,7 @@ def _tables(model: Parametrization, length: float) -> tuple[NDArray, NDArray]:
 
 @fused
 def evaluate(entries, slopes, theta):
-    """Update the terms that depend on θ, and their slopes, eq. (17)–(19)."""
+    """Update the terms that depend on θ, and their slopes, by equations (17)–(19)."""
     for k in range(len(entries)):
         value, first, last = entries[k]["coefficient"], entries[k]["first"], entries[k]["last"]
         for s in range(first, last):
@@ -165,7 +174,7 @@ def evaluate(entries, slopes, theta):
 
 @fused
 def powers(entries, output, order, Q):
-    """Write the columns of all powers N^k, and then those of Φ = Σ N^k/k!, eq. (20)."""
+    """Write the columns of all powers N^k and of Φ = Σ N^k/k!, as in equation (20), to Q."""
     columns = len(Q) // (order + 2)
     for last in range(0, order * columns, columns):  # Q contains N⁰ from the start
         now = last + columns
@@ -178,7 +187,7 @@ def powers(entries, output, order, Q):
 
 @fused
 def effects(entries, output, held, order, Q, xi, trail, g, effect):  # noqa: PLR0917
-    """Write the product ∂Φ/∂N_rc ξ for each term that depends on θ."""
+    """Write the product ∂Φ/∂N_rc ξ for each term that depends on θ to ``effect``."""
     columns = len(Q) // (order + 2)
     for i in range(held):
         trail[0, i] = xi[i, 0]
@@ -200,7 +209,7 @@ def effects(entries, output, held, order, Q, xi, trail, g, effect):  # noqa: PLR
 
 @fused
 def read(entries, slopes, output, X):
-    """Write the output and its derivatives, eq. (16), into the last row of X."""
+    """Write the output and its derivatives to the last row of X, as in equation (16)."""
     n = len(X) - 1
     X[n] = 0.0
     for e in range(output, len(entries)):
@@ -212,10 +221,11 @@ def read(entries, slopes, output, X):
 @fused
 def _part(axis, u, law, X):
     """
-    Integrate X over a substep: x⁺ = Φ [x; u], z_i⁺ = Φ z_i + ∂Φ/∂θ_i [x; u].
+    Integrate X over a substep by x⁺ = Φ [x; u] and z_i⁺ = Φ z_i + ∂Φ/∂θ_i [x; u].
 
-    The input u and the torques of the laws are held constant. The torque of the law with the index
-    ``law`` is one, and all others are zero. If ``law`` is −1, all torques are zero.
+    The input u and all nonlinear torques are constant over the substep. The nonlinear torque with
+    the index ``law`` is one, and all other nonlinear torques are zero. If ``law`` is −1, all
+    nonlinear torques are zero.
     """
     slopes, Q, xi, effect, moved = axis.slopes, axis.Q, axis.point, axis.effect, axis.after
     sizes = axis.sizes[0]
@@ -241,13 +251,20 @@ def _part(axis, u, law, X):
 
 
 LAWS = 1
-"""Value of the argument ``laws`` for a model with laws. For a linear model the argument is None, so
-that the compiled loop contains no code for laws."""
+"""
+Value of the loop argument ``laws`` for a model with nonlinear torques.
+
+For a linear model, ``laws`` is None, so that the compiled loop has no code for nonlinear torques.
+"""
 
 
 @inlined
 def over_sample(axis, theta, X, u, laws):
-    """Integrate X over a sample at θ with u held, eq. (17)–(23); add the laws after each step."""
+    """
+    Integrate X over a sample with constant input u by equations (17)–(23).
+
+    The nonlinear torques are added after each integration step.
+    """
     entries, slopes, sizes = axis.entries, axis.slopes, axis.sizes[0]
     drive, response, output, parts = axis.drive, axis.response, sizes["output"], sizes["parts"]
     evaluate(entries, slopes, theta)

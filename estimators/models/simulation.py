@@ -1,4 +1,4 @@
-"""Simulation of a model and its sensitivities at fixed parameters, as in the filters."""
+"""Simulation of a model and its sensitivities at fixed parameters, with the code of the filters."""
 
 from typing import NamedTuple
 
@@ -18,7 +18,7 @@ LEAST = 1e-300  # value that replaces a zero parameter of the linear model
 
 
 class Simulation(NamedTuple):
-    """The model, θ (p,), and X (n+1, lanes): states, output (last row) and their derivatives."""
+    """The model, θ (p,), and X (n+1, lanes) with states, output and all derivatives."""
 
     axis: Axis
     theta: Vector
@@ -34,7 +34,7 @@ def simulation(
     further: int = 0,
 ) -> Memory:
     """
-    Return the simulation of a model and its derivatives at θ, starting at rest.
+    Return the memory for a simulation of a model and its derivatives from rest.
 
     Parameters
     ----------
@@ -44,10 +44,11 @@ def simulation(
     period : float
         Sampling period [s].
     steps : int, optional
-        Number of steps per sample for a model with laws; by default the number used in the filters.
+        Number of steps per sample for a model with nonlinear torques; by default, the number that
+        the filters use.
     further : int
-        Number of derivatives in addition to those with respect to θ, such as derivatives with
-        respect to the initial state.
+        Number of further derivatives besides the derivatives with respect to θ. The further
+        derivatives are, for example, derivatives with respect to the initial state.
     """
     theta = np.asarray(theta, float)
     theta = np.where((theta == 0) & ~np.array(model.additive), LEAST, theta)
@@ -57,7 +58,7 @@ def simulation(
 
 
 def along(simulated: Memory, u: Array) -> Array:
-    """Simulate N samples with the torques u; return the output and its derivatives (N, lanes)."""
+    """Simulate N samples with torques u; return the output and its derivatives (N, lanes)."""
     rows = np.zeros((len(u), simulated["X"].shape[1]))
     _along(simulated.block, simulated.at, u, rows, LAWS if len(simulated["laws"]) else None)
     return rows

@@ -1,10 +1,11 @@
 """
-Simulation of an axis with Coulomb friction, with the exact instant of each friction reversal.
+Simulation of an axis with Coulomb friction and with exact times of friction reversals.
 
-Between reversals, such an axis is linear. While the axis slides, friction is a constant torque.
-While the axis sticks, the speed is zero. A step with a reversal is halved until the reversal is
-located within 2⁻⁴⁰ of a sample. Therefore, estimates do not depend on a step size, and the sum of
-squares is a smooth function of the parameters.
+Between two friction reversals, an axis with Coulomb friction is linear. While the axis slides,
+friction is a constant torque. While the axis sticks, the speed is zero. The simulation halves a
+step with a reversal until the reversal time is known to 2⁻⁴⁰ of a sampling period. Estimates
+therefore do not depend on a step size, and the sum of squared residuals is a smooth function of the
+parameters.
 """
 
 from typing import NamedTuple
@@ -25,22 +26,23 @@ HALVINGS = 40  # largest number of halvings of a sample
 
 class Sampled(NamedTuple):
     """
-    A sampled axis at fixed parameters, the argument of `follow`.
+    A sampled axis with fixed parameters, which the function `follow` simulates.
 
-    The last state is the held torque, and the second to last state is the friction torque.
+    The last state is the motor torque, and the second to last state is the friction torque.
 
     Attributes
     ----------
     moves : (2, parts, n+1, n+1) array
-        Transition matrices over T, T/2, T/4, … while the axis slides, and while the axis sticks.
+        Transition matrices over the times T, T/2, T/4, … for a sliding axis and for a sticking
+        axis.
     output : (n+1,) array
         Row of coefficients that maps the states to the output y.
     pull : (n+1,) array
         Row of coefficients that maps the states to the acceleration, multiplied by T.
     speed : int
-        Index, among the states, of the speed that drives friction.
+        Index of the state that is the speed of the friction contact.
     level : float
-        Coulomb friction f_c; 0 for an axis without friction.
+        Coulomb friction f_c, or 0 for an axis without dry friction.
     cleared : (r,) int array
         Indices of the states that are set to zero at the start of every sample.
     """
@@ -55,10 +57,11 @@ class Sampled(NamedTuple):
 
 def is_dry(model: Parametrization, period: float) -> bool:
     """
-    Return whether the only nonlinear law of an axis is Coulomb friction that acts on one speed.
+    Return whether Coulomb friction at one speed is the only nonlinear torque of an axis.
 
-    In the model, Coulomb friction is a bristle law with only a level and a stiffness. The natural
-    frequency (σ₀/J)^½ [rad/s] of the bristles is too high to be visible at the sampling period [s].
+    The model represents Coulomb friction as a bristle law with a Coulomb friction torque, a
+    stiffness and no other parameters. The natural frequency (σ₀/J)^½ [rad/s] of the bristles is too
+    high to be visible at the sampling period [s].
     """
     if model.laws["kind"].tolist() != [BRISTLE]:
         return False
@@ -70,7 +73,7 @@ def is_dry(model: Parametrization, period: float) -> bool:
 
 
 def sampled(model: Parametrization, theta: Array, period: float) -> Sampled:
-    """Return a sampled axis with parameters θ (p,); the axis must be linear or fulfil `is_dry`."""
+    """Return the sampled axis for parameters θ (p,); the axis must be linear or fulfil `is_dry`."""
     generator, level, speed = model.blocks(theta)[0] * period, 0.0, 0
     output, generator[-1] = generator[-1] / period, 0.0
     stuck = generator.copy()
@@ -89,7 +92,7 @@ def sampled(model: Parametrization, theta: Array, period: float) -> Sampled:
 
 @inlined
 def _times(row, x):
-    """Return the scalar product of a row and a state."""
+    """Return the scalar product of a coefficient row and a state vector."""
     total = 0.0
     for j in range(len(x)):
         total += row[j] * x[j]
@@ -99,15 +102,15 @@ def _times(row, x):
 @compiled
 def follow(axis, x, torque):
     """
-    Return the output (N,) after each of N torques, and update the state x.
+    Simulate N samples; return the output (N,) after each sample, and update the state x.
 
     Parameters
     ----------
     axis : Sampled
     x : (n+1,) array
-        State before the first torque; overwritten with the state after the last torque.
+        State before the first sample, which is overwritten with the state after the last sample.
     torque : (N,) array
-        Torques, each held over one sample.
+        Torque of each sample, which is constant over the sample.
     """
     v, after = axis.speed, np.zeros(len(x))
     hold = abs(axis.pull[-2] * axis.level)
@@ -139,7 +142,7 @@ def follow(axis, x, torque):
 
 @inlined
 def _way(axis, x, hold):
-    """Return the direction in which an axis at rest slides, or 0 if it sticks; update friction."""
+    """Return the sliding direction of an axis at rest, or 0 if the axis sticks; update friction."""
     x[-2] = 0.0
     pull = _times(axis.pull, x)
     way = np.sign(pull) if abs(pull) > hold else 0.0
@@ -149,7 +152,7 @@ def _way(axis, x, hold):
 
 @inlined
 def _meets(axis, x, after, way, hold, part):  # noqa: PLR0917
-    """Return whether a step contains a reversal: a breakaway, or a speed that reaches zero."""
+    """Return whether the axis breaks away or its speed reaches zero within a step."""
     end = _times(axis.pull, after)
     if way == 0.0:
         return abs(end) > hold

@@ -1,10 +1,10 @@
 """
-Frequency responses of grey-box models and of high-order ARX models without physical assumptions.
+Frequency responses of grey-box models, and fits of high-order ARX models.
 
 The ARX model y[k] + a₁ y[k−1] + … + a_n y[k−n] = b₁ u[k−1] + … + b_n u[k−n] + e[k] is linear in its
-coefficients, so linear least squares determine these coefficients. An ARX model of sufficiently
-high order n can describe any linear system (L. Ljung, *System Identification: Theory for the User*,
-2nd ed., sections 4.2 and 10.1).
+coefficients, so linear least squares determines these coefficients. An ARX model of sufficiently
+high order n can describe any linear system without physical assumptions. Sections 4.2 and 10.1 of
+Ljung's *System Identification* (2nd edition) describe ARX models.
 """
 
 import numpy as np
@@ -21,27 +21,29 @@ Array = NDArray[np.float64]
 
 def fit_arx(u: ArrayLike, y: ArrayLike, *, order: int) -> tuple[Array, Array]:
     """
-    Fit an ARX model of order n by least squares; return 1, a₁, …, a_n and 0, b₁, …, b_n (n+1,).
+    Fit an ARX model of order n by least squares, and return its coefficients.
 
-    White noise on y is coloured noise in an ARX model, which biases a model of low order. A model
-    with an order much higher than the order of the axis can represent the colour of the noise.
+    The function returns two vectors (n+1,) with the elements 1, a₁, …, a_n and 0, b₁, …, b_n. White
+    noise in y is coloured noise in an ARX model, which biases a model of low order. A model whose
+    order is much higher than the order of the axis can represent the colour of the noise.
 
     Parameters
     ----------
     u, y : (N,) array_like
-        Torque and output; N must exceed 3n.
+        Torque and measured output; the number N of samples must exceed 3n.
     order : int
-        Order n, the number of unknown coefficients of each polynomial.
+        Order n, which is the number of unknown coefficients of each polynomial.
 
     Raises
     ------
     EstimatorError
-        If the order is below one, or if the record is too short for this order.
+        If the order is below one, or if the record is too short for the order.
     """
     u, y, _ = check_signals(u, y)
     if not 1 <= order < len(u) / 3:
         raise EstimatorError(
-            f"order is {order}; with {len(u)} samples it must lie between 1 and {len(u) // 3}"
+            f"order is {order}, but for {len(u)} samples the model order must lie between 1 and "
+            f"{len(u) // 3}"
         )
     past_y, past_u = (sliding_window_view(x[:-1], order)[:, ::-1] for x in (y, u))
     regressors = np.hstack([-past_y, past_u])
@@ -57,9 +59,9 @@ def frequency_response(
     model: Parametrization, theta: ArrayLike, omega: ArrayLike, *, period: float
 ) -> tuple[ComplexArray, ComplexArray]:
     """
-    Return the response G (M,) of the sampled model and its gradient G_θ (M, p), eq. (25)–(27).
+    Return the frequency response G (M,) of the sampled model and its gradient G_θ (M, p).
 
-    Both are evaluated at z = e^{iωT}.
+    Equations (25)–(27) define G and G_θ, which are evaluated at z = e^{iωT}.
 
     Parameters
     ----------
@@ -84,10 +86,10 @@ def frequency_response(
 
 def line_spectrum(u: ArrayLike, *, period: float) -> tuple[Array, Array]:
     """
-    Return the frequencies ω (M,) [rad/s] and the mean squares (M,) of the DFT lines of a signal.
+    Return the frequencies ω (M,) [rad/s] and mean squares (M,) of all DFT lines of a signal.
 
-    The sum of the mean squares is the mean square of the signal. For a periodic signal, pass whole
-    periods of the steady state.
+    The sum of the mean squares of all DFT lines is the mean square of the signal. If the signal is
+    periodic, the record should contain whole periods of the steady state.
 
     Parameters
     ----------
@@ -112,7 +114,7 @@ def information(
     period: float,
 ) -> Array:
     """
-    Return Q = E ψψᵀ (p, p) for the spectrum of a torque; eq. (28) is the diagonal of Q.
+    Return the matrix Q = E ψψᵀ (p, p) for the spectrum of a torque.
 
     Parameters
     ----------
@@ -120,8 +122,8 @@ def information(
     theta : (p,) array_like
         Identified parameters.
     omega, power : (M,) array_like
-        Frequencies [rad/s] and mean squares of the lines, as returned by `line_spectrum`. The
-        integral in (28) is computed as a sum over these lines.
+        Frequencies [rad/s] and mean squares of the spectral lines, as returned by `line_spectrum`.
+        The diagonal of Q is the integral (28), which is computed as a sum over the spectral lines.
     period : float
         Sampling period T [s].
     """

@@ -1,10 +1,10 @@
 """
-Off-line output-error identification of any parameters, with a check of the result.
+Off-line output-error identification of model parameters, with checks of the estimates.
 
-The exactly sampled model is fitted to a whole record by nonlinear least squares with the analytic
-gradient. For white output noise, this is the prediction-error method, which attains the Cramér–Rao
-bound (L. Ljung, *System Identification: Theory for the User*, 2nd ed., sections 7.2–7.4, 9.4,
-10.2).
+Nonlinear least squares with an analytic gradient fits the exactly sampled model to a whole record.
+For white output noise, the fit is a prediction-error method and attains the Cramér–Rao bound.
+Sections 7.2–7.4, 9.4 and 10.2 of Ljung's *System Identification* (2nd edition) describe
+prediction-error methods.
 """
 
 from collections.abc import Sequence
@@ -29,25 +29,25 @@ UNDETERMINED = 0.5  # relative standard deviation above which the data do not de
 @dataclass(frozen=True)
 class Identified:
     """
-    Parameters identified from a record, and measures of their reliability.
+    Parameters that were identified from a record, and measures of their reliability.
 
     Attributes
     ----------
     names : tuple of str
         Names of the identified parameters.
     theta : (p,) array
-        Estimates of the parameters.
+        Estimated parameter values.
     covariance : (p, p) array
-        Covariance of the estimates for white output noise. The covariance is extremely large for
-        parameters that the data do not determine.
+        Covariance of the parameter estimates for white output noise. The covariance is extremely
+        large for parameters that the data do not determine.
     correlation : float
-        Correlation of successive residuals; near zero if the residuals are white noise.
+        Correlation of successive residuals, which is near zero if the residuals are white noise.
     condition : float
-        Condition number of the fit. This is the largest effect of a relative change of the
-        parameters on the output, divided by the smallest effect of a change of the same size. A
-        value of 1e10 or more indicates a singular problem.
+        Condition number of the fit. The condition number is the largest effect that a relative
+        parameter change of a given size has on the output, divided by the smallest effect. A
+        condition number of 1e10 or more indicates a singular problem.
     warnings : tuple of str
-        Reasons to doubt the result, in words; empty if there are none.
+        Reasons to doubt the estimates, in words. The tuple is empty if there are no such reasons.
     """
 
     names: tuple[str, ...]
@@ -74,35 +74,35 @@ def output_error(
     max_evaluations: int = 60,
 ) -> Identified:
     """
-    Fit parameters to a record that begins at rest.
+    Fit model parameters to a record of an axis that is initially at rest.
 
     Parameters
     ----------
     model : Model
         Linear grey-box model, such as ``three_mass(nominal)``.
     u, y : (N,) array_like
-        Torque, and the output measured at the same times.
+        Torque, and the output that was measured at the same times.
     identify : sequence of str
-        Names of the parameters to fit, or of their inverses; all other parameters keep the model's
-        nominal values.
+        Names of the fitted parameters or inverse parameters. All other parameters keep the nominal
+        values of the model.
     start : (p,) array_like
-        Initial values of the search, which is limited to 0.1 to 10 times these values.
+        Initial parameter values. The search is limited to 0.1 to 10 times the initial values.
     period : float
         Sampling period T [s].
     max_evaluations : int
-        Largest number of evaluations, after which the search stops.
+        Largest number of model evaluations before the search stops.
 
     Raises
     ------
     EstimatorError
-        If an argument is invalid. A local minimum or a parameter that the data do not determine
-        does not raise an error; `Identified.warnings` contains a message instead.
+        If an argument is invalid. A local minimum or an undetermined parameter does not raise an
+        error, but adds a message to `Identified.warnings`.
 
     Notes
     -----
-    The misfit has local minima. For the paper's three parameters, the search finds the true values
-    if it starts at 0.85 to 1.7 times the true values. If the search starts at 0.7 or 2 times the
-    true values, it does not find them, and the result contains a warning.
+    The sum of squared residuals has local minima. For the paper's three parameters, a search that
+    starts at 0.85 to 1.7 times the true values finds the true values. A search that starts at 0.7
+    or 2 times the true values does not find the true values, but returns a warning.
     """
     u, y, _ = check_signals(u, y)
     chosen = model.parametrize(identify)
@@ -132,7 +132,7 @@ def _result(names: tuple[str, ...], scale: Array, search: OptimizeResult) -> Ide
     deviations = np.sqrt(variance) / singular
     correlation = float(residual[1:] @ residual[:-1] / (residual @ residual))
     problems = [
-        f"the estimate of {name} is at a bound of the search"
+        f"the estimate of {name} is at a bound of the search range"
         for name, side in zip(names, search.active_mask, strict=True)
         if side
     ]
@@ -140,16 +140,16 @@ def _result(names: tuple[str, ...], scale: Array, search: OptimizeResult) -> Ide
         problems.append(f"the search did not converge in {search.nfev} evaluations")
     if abs(correlation) > max(COLOURED, 4 / np.sqrt(len(residual))):
         problems.append(
-            f"the correlation of successive residuals is {correlation:.2f}, so they are not white "
-            "noise; the search may have ended in a local minimum (try another start), or the model "
-            "does not describe the axis"
+            f"successive residuals have the correlation {correlation:.2f}, so the residuals are "
+            "not white noise; either the search ended in a local minimum (try other initial "
+            "values), or the model does not describe the axis"
         )
     if deviations[-1] > UNDETERMINED:
         share = changes[-1] / changes[-1][np.argmax(abs(changes[-1]))]
         parts = [f"{n} {x:+.1f} %" for n, x in zip(names, share, strict=True) if abs(x) > 0.1]
         problems.append(
-            f"a combined change of {', '.join(parts)} hardly affects the output; hold one of these "
-            "parameters constant"
+            f"a combined change of {', '.join(parts)} hardly affects the output; fix one of the "
+            "combined parameters"
         )
     return Identified(
         names=names,

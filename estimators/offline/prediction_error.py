@@ -1,12 +1,13 @@
 """
-The prediction-error method: a fit of all unknowns to a record with coloured noise.
+The prediction-error method, which fits all unknowns to a record with coloured noise.
 
-The disturbances of a real axis are not white. They are strongest at the resonances of the axis, and
-a plain output-error fit favours these frequencies at the expense of all others. Therefore, the
-residual is modelled as an autoregression. The inverse of this noise model filters the residual and
-the gradient, and the fit is repeated until it converges (D. W. Clarke, *Generalized least squares
-estimation of the parameters of a dynamic model*, IFAC 1967). Because the filter is applied to the
-residual and not to the signals, the axis may have nonlinear laws.
+The disturbances of a real axis are not white noise. These disturbances are strongest at the
+resonances of the axis, and a plain output-error fit favours the resonance frequencies at the
+expense of all other frequencies. The prediction-error method therefore models the residual as an
+autoregressive process. The inverse of this noise model filters the residual and the gradient, and
+the fit is repeated until it converges, as in *Generalized least squares estimation of the
+parameters of a dynamic model* (Clarke, 1967). Because the method filters the residual instead of
+the signals, it also applies to nonlinear models.
 """
 
 from dataclasses import dataclass, replace
@@ -39,19 +40,19 @@ PIECES = 10  # number of pieces of a record in the jackknife
 @dataclass(frozen=True)
 class Fitted:
     """
-    An intermediate or final result of a fit to a record.
+    The state of a fit to a record, during or after the iterations.
 
     Attributes
     ----------
     problem : Problem
-        Trajectory, record and bounds of the fit.
+        The problem that is solved, with trajectory, record and bounds.
     z : (q,) array
-        Values of the unknowns.
+        Current values of the unknowns.
     residual, slopes : (N,), (q, N) arrays
-        Simulated residual y − ŷ, and derivatives of ŷ with respect to z.
+        Residual y − ŷ of the simulation, and the derivatives of ŷ with respect to z.
     inverse : (n+1,) array
-        Coefficients 1, a₁, …, a_n of the autoregressive noise model, which form a filter that
-        whitens the residual.
+        Coefficients 1, a₁, …, a_n of the autoregressive noise model. These coefficients form a
+        filter that whitens the residual.
     converged : bool
         Whether the fit has converged.
     """
@@ -65,17 +66,17 @@ class Fitted:
 
     @cached_property
     def good(self) -> Flags:
-        """Whether each sample (N,) is used in the fit."""
+        """For each sample (N,), whether the fit uses the sample."""
         return settled(self.problem.ok, len(self.inverse))
 
     @cached_property
     def white(self) -> Array:
-        """Whitened residual (N,)."""
+        """Residual (N,) after the whitening filter."""
         return lfilter(self.inverse, 1.0, self.residual)
 
     @cached_property
     def gradient(self) -> Array:
-        """Whitened derivatives (q, N); 0 for initial states without a lasting effect."""
+        """Derivatives (q, N) after whitening, or 0 for initial states without a lasting effect."""
         J = lfilter(self.inverse, 1.0, self.slopes, axis=1) * self.good
         size, seen = (np.linalg.norm(rows, axis=1) for rows in (self.slopes, J))
         states = slice(self.problem.trajectory.first, -2)
@@ -84,28 +85,28 @@ class Fitted:
 
     @cached_property
     def square(self) -> float:
-        """Mean square of the whitened residual: the variance σ² of one-step prediction errors."""
+        """Mean square of the whitened residual, which is the prediction error variance σ²."""
         finite = np.isfinite(self.residual).all() and np.isfinite(self.slopes).all()
         return float(np.mean(self.white[self.good] ** 2)) if finite else np.inf
 
     @cached_property
     def curvature(self) -> tuple[Array, Array]:
-        """Half the curvature (q, q) of the mean square, and half its negative gradient (q,)."""
+        """Half the Hessian (q, q) and half the negative gradient (q,) of the mean square."""
         J, N = self.gradient, self.good.sum()
         return J @ J.T / N, J @ self.white / N
 
     @cached_property
     def covariance(self) -> Array:
-        """Covariance σ² (J Jᵀ)⁻¹; zero for held unknowns, very large for undetermined ones."""
+        """Covariance σ² (J Jᵀ)⁻¹ of the unknowns, with zeros for unknowns that are held fixed."""
         return inverse_of(self.curvature[0]) * self.square / self.good.sum()
 
     @property
     def deviations(self) -> Array:
-        """Standard deviations (q,) of the unknowns."""
+        """Standard deviation (q,) of each unknown."""
         return np.sqrt(np.diag(self.covariance))
 
     def step(self, damping: float = 0.0) -> Array:
-        """Return the damped step (q,); unknowns that would exceed their bounds do not change."""
+        """Return the damped Levenberg–Marquardt step (q,), which does not violate the bounds."""
         (H, g), lower, upper = self.curvature, self.problem.lower, self.problem.upper
         free, step = ~self.problem.held, np.zeros(len(self.z))
         for _ in range(len(self.z)):
@@ -120,9 +121,10 @@ class Fitted:
     @property
     def left(self) -> float:
         """
-        Distance to the minimum in standard deviations, (N gᵀH⁻¹g/σ²)^½.
+        Distance (N gᵀH⁻¹g/σ²)^½ to the minimum, in standard deviations.
 
-        This distance is the length of a Gauss–Newton step of all unknowns, independent of units.
+        The distance is the length of a Gauss–Newton step of all unknowns, and does not depend on
+        units.
         """
         step, p = self.step(), self.problem.trajectory.p
         if step[:p].any() and (abs(step[:p]) <= EXACT * abs(self.z[:p])).all():
@@ -131,27 +133,27 @@ class Fitted:
         return float(np.sqrt(max(gain, 0.0) * self.good.sum() / self.square))
 
     def gained(self, before: "Fitted") -> float:
-        """Return the square root of the decrease of −2 log L relative to an earlier result."""
+        """Return the square root of the decrease of −2 log L relative to an earlier fit."""
         return float(np.sqrt(max(before.square / self.square - 1, 0.0) * self.good.sum()))
 
 
 @dataclass(frozen=True)
 class Problem:
     """
-    A trajectory, and the record to which the trajectory is fitted.
+    A simulated trajectory, and the record to which the trajectory is fitted.
 
     Attributes
     ----------
     trajectory : Trajectory
         Simulated output as a function of the unknowns z.
     y : (N,) array
-        Measured output.
+        Measured output of the record.
     ok : (N,) array of bool
-        Whether each sample is to be fitted.
+        For each sample, whether the fit should use the sample.
     lower, upper : (q,) arrays
-        Bounds of z.
+        Lower and upper bounds of z.
     held : (q,) array of bool
-        Whether each unknown in z is held constant, for example a known delay.
+        For each unknown in z, whether the unknown is held constant, such as a known delay.
     """
 
     trajectory: Trajectory
@@ -162,7 +164,7 @@ class Problem:
     held: Flags
 
     def noise(self, residual: Array) -> Array:
-        """Return the coefficients (n+1,) of the filter that whitens a residual."""
+        """Return the coefficients (n+1,) of a filter that whitens the given residual."""
         highest = HIGHEST_ORDER
         # the memory of the filter must not contain a gap for at least half of the samples
         while highest and np.mean(settled(self.ok, highest + 1)[self.ok]) < 0.5:
@@ -170,7 +172,7 @@ class Problem:
         return noise_model(residual, highest, self.ok)
 
     def at(self, z: Array, inverse: Array) -> Fitted:
-        """Return the result of a simulation at z, with an infinite mean square if it fails."""
+        """Simulate at z and return the fit; a failed simulation has an infinite mean square."""
         z = np.clip(z, self.lower, self.upper)
         if self.trajectory.fastest(z[: self.trajectory.p]) > FASTEST:
             N = len(self.y)
@@ -183,10 +185,11 @@ class Problem:
         self, at: Fitted, most: int = EVALUATIONS, near: float = CONVERGED, damping: float = CAREFUL
     ) -> tuple[Fitted, bool]:
         """
-        Minimise by the Levenberg–Marquardt method; return the result and whether it has converged.
+        Minimise the mean square by the Levenberg–Marquardt method; return the fit and a flag.
 
-        The search has converged if the distance to the minimum is at most ``near`` standard
-        deviations, or if a step reduces the misfit no more than a step of this size would.
+        The flag states whether the search has converged. The search has converged if the distance
+        to the minimum is at most ``near`` standard deviations. The search has also converged if a
+        step reduces the misfit by no more than a step of ``near`` standard deviations would.
         """
         for _ in range(most):
             if not np.isfinite(at.square):
@@ -208,18 +211,18 @@ class Problem:
         self, z: Array, *, rounds: int = 0, most: int = EVALUATIONS, near: float = CONVERGED
     ) -> Fitted:
         """
-        Fit the unknowns for white noise, then the noise model and the unknowns alternately.
+        Fit the unknowns for white noise, and then alternate between noise model and unknowns.
 
         Parameters
         ----------
         z : (q,) array
             Initial values of the unknowns.
         rounds : int
-            Largest number of fits of the noise model; 0 for a plain output-error fit.
+            Largest number of noise model fits, or 0 for a plain output-error fit.
         most : int
-            Largest number of evaluations in each round.
+            Largest number of model evaluations for each noise model.
         near : float
-            Distance to the minimum at which the fit ends, in standard deviations.
+            Distance to the minimum at which the fit ends, in standard deviations of the unknowns.
         """
         at, ended = self.descend(self.at(z, np.ones(1)), most, near)
         for left in reversed(range(rounds if np.isfinite(at.square) else 0)):
@@ -235,17 +238,17 @@ class Problem:
 
 
 def settled(ok: Flags, length: int) -> Flags:
-    """Return for each sample (N,) whether a filter's memory contains only usable samples."""
+    """Return for each sample (N,) whether the last ``length`` samples are all usable."""
     return np.convolve(~ok, np.ones(length))[: len(ok)] < 0.5
 
 
 def noise_model(residual: Array, highest: int, ok: Flags) -> Array:
     """
-    Return the coefficients 1, a₁, …, a_n (n+1,) of an autoregression of the best order.
+    Return the coefficients 1, a₁, …, a_n (n+1,) of an autoregressive model of the best order.
 
-    The best order minimises the Bayesian information criterion, N log σ² + n log N. Samples that
-    are not ``ok`` are replaced by zero and contribute nothing to the correlations, so samples on
-    either side of a gap are not treated as neighbours.
+    The best order minimises the Bayesian information criterion N log σ² + n log N. Samples that are
+    not ``ok`` are replaced by zero and contribute nothing to the correlations. The samples before
+    and after a gap are therefore not treated as neighbours.
     """
     N = int(ok.sum())
     e = np.where(ok, residual - residual[ok].mean(), 0.0)
@@ -258,7 +261,7 @@ def noise_model(residual: Array, highest: int, ok: Flags) -> Array:
 
 
 def inverse_of(H: Array, damping: float = 0.0) -> Array:
-    """Return (H + damping·diag H)⁻¹, with rows and columns of zeros where diag H is zero."""
+    """Return (H + damping·diag H)⁻¹, with zeros in rows and columns where diag H is zero."""
     size = np.sqrt(np.diag(H))
     units = np.outer(*2 * [np.where(size > 0, size, 1.0)])
     scaled = H / units + (damping + ROUNDING) * np.diag(size > 0)
@@ -267,9 +270,9 @@ def inverse_of(H: Array, damping: float = 0.0) -> Array:
 
 def pieces(ok: Flags, key: Array | None = None) -> NDArray[np.int64]:
     """
-    Return the piece number (N,) of each sample; all pieces have equally many usable samples.
+    Return the segment number (N,) of each sample; segments have equally many usable samples.
 
-    Pieces are intervals of time, or intervals of a signal ``key`` (N,), such as the speed.
+    The segments are intervals of time, or intervals of a signal ``key`` (N,) such as the speed.
     """
     order = np.arange(len(ok)) if key is None else np.argsort(key, kind="stable")
     count = np.empty(len(ok), int)
@@ -279,12 +282,13 @@ def pieces(ok: Flags, key: Array | None = None) -> NDArray[np.int64]:
 
 def jackknife(J: Array, e: Array, good: Flags, key: Array | None = None) -> Array:
     """
-    Return jackknife standard deviations (q,) of a regression of e (N,) on the rows of J (q, N).
+    Return jackknife standard deviations (q,) for a regression of e (N,) on the rows of J (q, N).
 
-    Each of the `pieces` is omitted once. The estimate without the piece is computed by one
-    Gauss–Newton step from the estimate with all pieces. For white noise, the result agrees with the
-    covariance. Errors of the model increase the result (B. Efron and C. Stein, *The jackknife
-    estimate of variance*, Ann. Statist. 9, 1981).
+    The function `pieces` divides the record into segments, and the jackknife omits each segment
+    once. One Gauss–Newton step from the full estimate yields the estimate without a segment. For
+    white noise, the jackknife standard deviations agree with the covariance. Model errors increase
+    the jackknife standard deviations. The method is described in *The jackknife estimate of
+    variance* (Efron and Stein, 1981).
     """
     number = np.where(good, pieces(good, key), PIECES)
     parts = [J[:, number == i] for i in range(PIECES)]

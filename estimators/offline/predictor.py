@@ -1,4 +1,4 @@
-"""The output-error predictor and its gradient for a whole record, at fixed parameters."""
+"""The output-error predictor and its gradient at fixed parameters, for a whole record."""
 
 import reprlib
 
@@ -15,12 +15,12 @@ Array = NDArray[np.float64]
 
 def as_torque(values: ArrayLike) -> Array:
     """
-    Convert the torque of a run (N,) [N m] to a contiguous array of floats.
+    Convert a torque record (N,) [N m] to a contiguous array of floats.
 
     Raises
     ------
     EstimatorError
-        If the values are not a one-dimensional, nonempty array of real numbers.
+        If the torque values are not a one-dimensional, nonempty array of real numbers.
     """
     try:
         torque = np.ascontiguousarray(values, float)
@@ -36,10 +36,11 @@ def predict(
     model: Parametrization, theta: ArrayLike, u: ArrayLike, *, period: float
 ) -> tuple[Array, Array]:
     """
-    Return ŷ (N,) and its gradient ψ (N, p) for a torque u (N,), starting at rest; eq. (15)–(23).
+    Return the prediction ŷ (N,) and its gradient ψ (N, p) for an axis that starts at rest.
 
-    The result is exact for a linear model and a torque that is held over each sample. Nonlinear
-    laws are solved numerically by `flexaxis.estimators.models.reaction`.
+    The prediction follows equations (15)–(23). The prediction is exact for a linear model if the
+    torque is constant over each sample. For a model with nonlinear torques,
+    `flexaxis.estimators.models.reaction` solves the equations numerically.
 
     Parameters
     ----------
@@ -47,14 +48,14 @@ def predict(
     theta : (p,) array_like
         Identified parameters.
     u : (N,) array_like
-        Torque; u[k] is held on [t_k, t_{k+1}) and first acts on ŷ[k+1].
+        Torque, where u[k] is constant between t_k and t_{k+1} and first acts on ŷ[k+1].
     period : float
         Sampling period T [s].
 
     Raises
     ------
     EstimatorError
-        If u is not a one-dimensional, nonempty array of real numbers.
+        If the torque u is not a one-dimensional, nonempty array of real numbers.
     """
     rows = along(simulation(model, theta, period), as_torque(u)[:-1])
     rows = np.vstack([np.zeros(rows.shape[1]), rows])
@@ -63,7 +64,7 @@ def predict(
 
 @compiled
 def respond(transition, gain, u):
-    """Return the states X (N, n) of X[k+1] = Φ X[k] + Γ u[k], starting at rest."""
+    """Return the states X (N, n) that follow from X[k+1] = Φ X[k] + Γ u[k] with X[0] = 0."""
     X = np.zeros((len(u), len(gain)))
     for k in range(len(u) - 1):
         X[k + 1] = np.dot(transition, X[k]) + gain * u[k]

@@ -1,12 +1,13 @@
 """
-Initial values P(0) and Δ, and the resulting tracking speed and noise of the estimates.
+Initial values P(0) and Δ, and the tracking speed and noise of the resulting estimates.
 
-P(0) and Δ are computed by the paper's recipe, and the results for the nominal axis are stored. Near
-the true parameters, the error of the estimate follows θ̃ ← (I − P Q) θ̃ + P ψ e on average, with
-Q = E ψψᵀ and white noise e of variance σ². In steady state, P fulfils eq. (29) or (30), so P, the
-tracking speed and the noise depend only on Q (L. Ljung and S. Gunnarsson, *Adaptation and tracking
-in system identification – a survey*, Automatica 26 (1990) 7–21). The theory applies to slow
-adaptation, with time constants much longer than the memory of the plant.
+The functions in `priors` compute P(0) and Δ by the paper's recipe. The module also contains stored
+values of P(0) and Δ for the nominal axis. Near the true parameters, the estimation error follows θ̃
+← (I − P Q) θ̃ + P ψ e on average, where Q = E ψψᵀ and e is white noise of variance σ². In steady
+state, P fulfils equation (29) or (30), so P, the tracking speed and the noise of the estimates
+depend only on Q. The theory comes from *Adaptation and tracking in system identification – a
+survey* (Ljung and Gunnarsson, 1990). The theory applies to slow adaptation, with time constants
+that are much longer than the time constants of the axis.
 """
 
 import pickle
@@ -50,24 +51,24 @@ def nominal_P(
     **options: Any,
 ) -> Array:
     """
-    Return the diagonal of P(0), computed by the recipe of the paper's section 5.2.
+    Return the diagonal of P(0), computed by the recipe in section 5.2 of the paper.
 
-    P is updated with ψ computed at the nominal parameters. P(0) is the mean of the diagonal of P
-    over the second half of the record, after the transient.
+    The recipe updates P with the gradient ψ at the nominal parameters. P(0) is the mean of the
+    diagonal of P over the second half of the record, after the transient.
 
     Parameters
     ----------
     model : Model
     u : (N,) array_like
-        Torque of a nominal run with a duration of some tens of seconds.
-    identify, period, **options
+        Motor torque of a nominal motion that lasts some tens of seconds.
+    identify, period, **options : Any
         Options of `flexaxis.estimators.Rpem`, such as ``forgetting``, ``drift``, ``regularization``
         and ``output``.
 
     Returns
     -------
     (p,) array
-        Diagonal of P(0), for a noise variance of one.
+        Diagonal of P(0) for a noise variance of one.
 
     Raises
     ------
@@ -86,7 +87,7 @@ def nominal_P(
 
 
 def _gradient_along(model: Parametrization, theta: Array, u: ArrayLike, period: float) -> Array:
-    """Return ψ (N, p) for a torque u (N,); results for recent axes and torques are cached."""
+    """Return the gradient ψ (N, p) for a torque u (N,), with a cache for recent arguments."""
     return _remembered(pickle.dumps((model, theta, as_torque(u), period)))
 
 
@@ -103,7 +104,7 @@ def _remembered(content: bytes) -> Array:
 
 @compiled
 def _mean_diagonal(psi, P, forgetting, drift, regularization):
-    """Update P with ψ (N, p), eq. (7), (9), (10), (12); return the mean diagonal, second half."""
+    """Update P by N gradients ψ (N, p), and return the mean diagonal of the last N/2 matrices P."""
     N, p = psi.shape
     gain, total = np.empty(p), np.zeros(p)
     for k in range(N):
@@ -124,26 +125,27 @@ def default_drift(
     output: str = "speed",
 ) -> Array:
     """
-    Return the default diagonal of Δ.
+    Return the default diagonal of the drift covariance Δ.
 
-    With a torque, Δ_ii = (T/τ_i)²/Q_ii, where Q_ii is the mean of ψ_i² for this torque. Estimate i
-    then follows changes with the time constant τ_i, independent of units. If the poles of the model
-    are similar to those of the nominal axis, τ_i are the time constants that result from eq. (32)
-    on the nominal axis. For any other model, all τ_i equal the geometric mean of these time
-    constants. Without a torque, Δ is taken from eq. (32) for the nominal axis and is proportional
-    to θ_i² for any other axis. In both cases Δ is proportional to T².
+    If ``torque`` is given, Δ_ii = (T/τ_i)²/Q_ii, where Q_ii is the mean of ψ_i² for this torque.
+    With this Δ, the estimate of θ_i follows parameter changes with the time constant τ_i,
+    regardless of the units. If the poles of the model are similar to the poles of the nominal axis,
+    τ_i are the time constants that equation (32) implies for the nominal axis. For any other model,
+    all τ_i equal the geometric mean of these nominal time constants. Without a torque, Δ is given
+    by equation (32) for the nominal axis, and is proportional to θ_i² for any other axis. The
+    default Δ is proportional to T² in all cases.
 
     Parameters
     ----------
     model : Model
     identify : sequence of str
-        Names of the identified parameters, or of their inverses.
+        Names of the identified parameters or inverse parameters.
     period : float
-        Sampling period T [s]; Δ is the covariance that P gains per sample.
+        Sampling period T [s]. In each sampling period, P increases by Δ.
     torque : (N,) array_like, optional
-        Torque of a nominal run [N m].
+        Motor torque of a nominal motion [N m].
     output : {"speed", "increment"}
-        Kind of signal y.
+        Type of the output signal y.
     """
     theta = model.parametrize(identify).theta
     if torque is not None:
@@ -166,22 +168,23 @@ def stored_P(
     scale: float = 1.0,
 ) -> Array | None:
     """
-    Return the result of `known_P` if the axis, its units and the period are the nominal ones.
+    Return the stored P(0) of the nominal axis, or None for any other axis.
 
     Parameters
     ----------
     model : Model
     identify : sequence of str
-        Names of the identified parameters, or of their inverses.
+        Names of the identified parameters or inverse parameters.
     period : float
         Sampling period [s].
-    forgetting, scale
-        Parameters of `known_P`.
+    forgetting, scale : float
+        Arguments for `known_P`.
 
     Returns
     -------
     (p,) array or None
-        Diagonal of P(0), or None if the axis, the period or the parameters differ.
+        Diagonal of P(0), or None if the axis, the units, the period or the parameters differ from
+        the nominal axis.
     """
     if period != PERIOD or not is_nominal_axis(model, identify):
         return None
@@ -190,18 +193,20 @@ def stored_P(
 
 def known_P(names: Sequence[str], *, forgetting: float | None, scale: float = 1.0) -> Array | None:
     """
-    Return P(0) of the nominal axis for the paper's three parameters, or None for other parameters.
+    Return the stored P(0) for the paper's three parameters, or None for other parameters.
 
-    The values apply to the units and the period of the nominal axis, which `stored_P` checks.
+    The stored values are valid only for the nominal axis in its units and with its sampling period,
+    which `stored_P` checks.
 
     Parameters
     ----------
     names : sequence of str
-        Names of the identified parameters, or of their inverses.
+        Names of the identified parameters or inverse parameters.
     forgetting : float or None
-        Forgetting factor λ, where P is proportional to 1−λ; None for covariance modification.
+        Forgetting factor λ, or None for covariance modification. P(0) is proportional to 1−λ.
     scale : float
-        Factor by which Δ of eq. (32) is multiplied; P is proportional to its square root.
+        Factor that multiplies Δ of equation (32). P(0) is proportional to the square root of
+        ``scale``.
 
     Returns
     -------
@@ -220,29 +225,31 @@ def steady_P(
     Q: ArrayLike, *, forgetting: float | None = None, drift: ArrayLike | None = None
 ) -> Array:
     """
-    Return the steady state of P (p, p): (1−λ) Q⁻¹, eq. (29), or the solution of P Q P = Δ, (30).
+    Return the steady state of P (p, p) for a forgetting factor or a drift covariance.
 
     Parameters
     ----------
     Q : (p, p) array_like
-        Matrix E ψψᵀ, eq. (31), such as the result of
-        `flexaxis.estimators.offline.frequency.information`.
+        Matrix E ψψᵀ of equation (31), such as the matrix that
+        `flexaxis.estimators.offline.frequency.information` returns.
     forgetting : float, optional
-        Forgetting factor λ, close to one.
+        Forgetting factor λ, close to one. With forgetting, the steady state is P = (1−λ) Q⁻¹, as in
+        equation (29).
     drift : (p,) or (p, p) array_like, optional
-        Covariance Δ or its diagonal.
+        Covariance Δ, or the diagonal of Δ. With drift, the steady state of P solves P Q P = Δ,
+        equation (30).
 
     Raises
     ------
     EstimatorError
-        If both or neither of forgetting and drift are given.
+        If neither forgetting nor drift is given, or if both options are given.
     """
     Q = np.asarray(Q, float)
     inverse = np.linalg.inv(Q)
     if forgetting is not None and drift is None:
         return (1 - forgetting) * inverse
     if drift is None or forgetting is not None:
-        raise EstimatorError("give either forgetting (λ) or drift (Δ)")
+        raise EstimatorError("give either forgetting (λ) or drift (Δ), but not both options")
     # (P Q)² = Δ Q, so P Q is the square root of Δ Q with positive eigenvalues
     from scipy.linalg import sqrtm  # takes a tenth of a second to import
 
@@ -253,33 +260,36 @@ def drift_for(
     time_constants: ArrayLike, Q: ArrayLike, *, period: float, coupled: bool = False
 ) -> Array:
     """
-    Return the matrix Δ (p, p) for which every estimate follows changes with a given time constant.
+    Return the matrix Δ (p, p) that gives each estimate the desired time constant.
 
-    By default Δ is diagonal, Δ_ii = 1/(τ_i² Q_ii) with τ_i in samples. This choice is exact if the
-    gradients of the parameters are uncorrelated, because P_ii Q_ii = 1/τ_i in this case. Correlated
-    parameters slow each other down. The option ``coupled`` takes this effect into account with
-    Δ = D Q⁻¹ D, D = diag(1/τ_i). This matrix is exact for equal time constants.
+    By default, Δ is diagonal with Δ_ii = 1/(τ_i² Q_ii), where τ_i is the time constant in samples.
+    The diagonal Δ is exact if the parameter gradients are uncorrelated, because then P_ii Q_ii =
+    1/τ_i. If the gradients are correlated, the estimates slow each other down. The option
+    ``coupled`` accounts for this correlation with Δ = D Q⁻¹ D and D = diag(1/τ_i). The coupled Δ is
+    exact for equal time constants.
 
     Parameters
     ----------
     time_constants : (p,) array_like
-        Desired time constants τ_i [s], much longer than the memory of the plant.
+        Desired time constants τ_i [s], which must be much longer than the time constants of the
+        axis.
     Q : (p, p) array_like
-        Matrix E ψψᵀ at the nominal parameters.
+        Matrix E ψψᵀ for the nominal parameters.
     period : float
         Sampling period T [s].
     coupled : bool
-        Whether to compute off-diagonal elements of Δ from Q.
+        Whether the function computes off-diagonal elements of Δ from Q.
 
     Raises
     ------
     EstimatorError
-        If a time constant is shorter than a sample.
+        If a time constant does not exceed the sampling period.
     """
     Q, samples = np.asarray(Q, float), np.asarray(time_constants, float) / period
     if not np.all(samples > 1):
         raise EstimatorError(
-            f"time constants are {samples * period} s; each must exceed the period of {period} s"
+            f"time_constants is {samples * period} s, but each value must exceed the sampling "
+            f"period of {period} s"
         )
     inverse = np.linalg.inv(Q) if coupled else np.diag(1 / np.diag(Q))
     return inverse / np.outer(samples, samples)
@@ -287,22 +297,22 @@ def drift_for(
 
 def tracking_error(P: ArrayLike, Q: ArrayLike, times: ArrayLike, *, period: float) -> Array:
     """
-    Return the remaining fraction of an initial error, E θ̃(t) = exp(−P Q t/T) θ̃(0).
+    Return exp(−P Q t/T), the fraction of an initial estimation error that remains at time t.
 
     Parameters
     ----------
     P, Q : (p, p) array_like
-        Steady-state P, and the matrix E ψψᵀ.
+        Steady-state matrix P, and the matrix E ψψᵀ.
     times : (M,) array_like
-        Times after the change [s].
+        Times t after a parameter change [s].
     period : float
         Sampling period T [s].
 
     Returns
     -------
     (M, p, p) array
-        Errors; element (m, i, j) is the error of parameter i at time m caused by an initial error
-        of one in parameter j.
+        Mean estimation errors. Element (m, i, j) is the error of parameter i at time m due to an
+        initial unit error of parameter j.
     """
     rate = np.asarray(P, float) @ np.asarray(Q, float) / period
     from scipy.linalg import expm
@@ -312,14 +322,15 @@ def tracking_error(P: ArrayLike, Q: ArrayLike, times: ArrayLike, *, period: floa
 
 def estimate_covariance(P: ArrayLike, noise_variance: float) -> Array:
     """
-    Return the covariance σ² P/2 (p, p) of the estimates of a constant θ in steady state.
+    Return the steady-state covariance σ² P/2 (p, p) of the estimates of a constant θ.
 
-    This covariance Σ solves P Q Σ + Σ Q P = σ² P Q P for any P that fulfils eq. (29) or (30).
+    The covariance Σ = σ² P/2 solves P Q Σ + Σ Q P = σ² P Q P for any P that fulfils equation (29)
+    or (30).
 
     Parameters
     ----------
     P : (p, p) array_like
-        Steady-state P, for a noise variance of one as in the paper.
+        Steady-state matrix P for a noise variance of one, as in the paper.
     noise_variance : float
         Variance σ² of the output noise.
     """

@@ -1,11 +1,11 @@
 """
-Prior distributions of unknown parameters: initial value, standard deviation and bounds.
+Prior distributions of unknown parameters, with initial value, standard deviation and bounds.
 
-The dry friction, the backlash and the cogging of an axis are usually unknown, but their magnitudes
-are related to the motion of the axis. The torques of the laws are fractions of the rms torque. The
-speeds at which friction changes are fractions of the rms speed, and the gap of a spring is a
-fraction of the rms twist. The rms values are computed with the linear model from the torque of a
-run, so the priors apply to any axis and any units.
+The dry friction, the backlash and the cogging of an axis are usually unknown, but the motion of the
+axis indicates their magnitudes. Friction and cogging torques are fractions of the rms motor torque.
+The speeds at which friction changes are fractions of the rms speed, and the backlash of a gear is a
+fraction of the rms twist. A simulation with the linear model computes the rms values from a
+recorded torque, so the priors apply to any axis and any units.
 """
 
 from collections.abc import Mapping, Sequence
@@ -25,7 +25,7 @@ from flexaxis.estimators.offline.predictor import as_torque, respond
 Array = NDArray[np.float64]
 
 TRACKED = ("k_T", "1/J_a", "f_m", "f_c")
-"""Parameters that change while an axis is in use: the paper's three, and dry friction."""
+"""Parameters that change while an axis is in use: three in the paper, and dry friction."""
 
 TOLD = 0.2  # relative standard deviation of a parameter known from a data sheet or an old log
 DAMPING = 0.3  # relative standard deviation of a damping parameter, which is rarely measured
@@ -37,17 +37,17 @@ BOX = (0.1, 10.0)  # bounds of all these parameters, as multiples of the start
 @dataclass(frozen=True)
 class Sizes:
     """
-    The rms sizes that are used as units for the parameters of a law.
+    The rms magnitudes that serve as units for the parameters of a torque law.
 
     Attributes
     ----------
     drive : float
-        Rms value of the quantity that drives the law: a speed, a twist, an angle or a torque.
+        Rms value of the law's driving variable, which is a speed, a twist, an angle or a torque.
     force : float
-        Torque of the law that would accelerate the axis as much as the rms input does.
+        Torque of the law that would accelerate the axis as much as the rms motor torque does.
     rate : float
-        Rms of the derivative of the drive divided by the rms of the drive, but at least the rate of
-        the fastest mode of the model [1/s].
+        Rms value of the derivative of the driving variable, divided by the rms value of the driving
+        variable. The rate is at least the rate of the fastest mode of the model [1/s].
     """
 
     drive: float
@@ -58,7 +58,7 @@ class Sizes:
 NOMINAL: Mapping[str, Sizes] = {
     name: Sizes(*kind.nominal) for name, kind in LAWS.items() if kind.nominal
 }
-"""Sizes for each kind of law, for the nominal axis on its reference trajectory."""
+"""Rms magnitudes for each kind of torque law on the reference trajectory of the nominal axis."""
 
 
 NOMINAL_STATES = {
@@ -68,18 +68,18 @@ NOMINAL_STATES = {
     "speed_gear": 0.09,
     "speed_arm": 0.22,
 }
-"""Rms value of each state, for the nominal axis on its reference trajectory."""
+"""Rms value of each state of the nominal axis on its reference trajectory."""
 
 
 def measured(model: Model, torque: ArrayLike | None, period: float) -> list[tuple[Law, Sizes]]:
     """
-    Return the laws of a model with their sizes.
+    Return each torque law of a model with the rms magnitudes of its variables.
 
     Parameters
     ----------
     model : Model
     torque : (N,) array_like or None
-        Torque of a run in which the axis moves [N m]; None to use the stored sizes of the nominal
+        Recorded torque of a moving axis [N m], or None to use the stored magnitudes of the nominal
         axis.
     period : float
         Sampling period [s].
@@ -87,13 +87,14 @@ def measured(model: Model, torque: ArrayLike | None, period: float) -> list[tupl
     Raises
     ------
     EstimatorError
-        If the torque is invalid, or if it is None and the axis is not the nominal axis.
+        If the torque is invalid. The error also occurs if the torque is None and the axis is not
+        the nominal axis.
     """
     if torque is None:
         return [(law, _stored(model, law)) for law in model.laws]
     u = as_torque(torque)
     if not np.all(np.isfinite(u)) or not u.any():
-        raise EstimatorError("torque must be finite, and from a run in which the axis moves")
+        raise EstimatorError("the torque must be finite and must move the axis")
     A, B, _ = matrices(model)
     x = _driven(model, u, period)
     changes = A @ x + np.outer(B, u)
@@ -104,7 +105,9 @@ def measured(model: Model, torque: ArrayLike | None, period: float) -> list[tupl
         size = float(np.std(drive @ x + law.drive.get(INPUT, 0.0) * u))
         if not size > 0:
             drives = ", ".join(law.drive)
-            raise EstimatorError(f"the torque does not change {drives}, on which a law depends")
+            raise EstimatorError(
+                f"the given torque has no effect on {drives}, on which a torque law depends"
+            )
         rate = float(np.sqrt(np.mean((drive @ changes) ** 2))) / size
         force = _force(model, acts) * float(np.sqrt(np.mean(u**2)))
         result.append((law, Sizes(size, force, max(rate, fastest))))
@@ -112,7 +115,7 @@ def measured(model: Model, torque: ArrayLike | None, period: float) -> list[tupl
 
 
 def matrices(model: Model) -> tuple[Array, Array, Array]:
-    """Return A (n, n), B (n,) and C (n,) of a model without its laws; C is scaled to Σ|C_i| = 1."""
+    """Return A (n, n), B (n,) and C (n,) of a model's linear part, with C scaled to Σ|C_i| = 1."""
     linear = replace(model, laws=())
     one = linear.parametrize(linear.parameters[:1])
     A, B, C = one.matrices(one.theta)
@@ -120,7 +123,7 @@ def matrices(model: Model) -> tuple[Array, Array, Array]:
 
 
 def _driven(model: Model, u: Array, period: float) -> Array:
-    """Return the states (n, N) of a model without its laws, driven from rest by a torque (N,)."""
+    """Return the states (n, N) of a model's linear part, driven from rest by a torque (N,)."""
     A, B, _ = matrices(model)
     transition, gain = discretize(A, B[:, None], period)
     return respond(transition.copy(), gain[:, 0].copy(), u).T
@@ -128,10 +131,10 @@ def _driven(model: Model, u: Array, period: float) -> Array:
 
 def state_sizes(model: Model, torque: ArrayLike | None, period: float) -> Array:
     """
-    Return the standard deviations (n,) of the states of a model for a torque.
+    Return the standard deviation (n,) of each state of a model that a given torque drives.
 
-    The value for an angle is zero, because angles are measured relative to the start. As in
-    `measured`, the stored values of the nominal axis are returned if the torque is None.
+    The value for an angle is zero, because angles are measured relative to the initial position. If
+    the torque is None, the function returns the stored values of the nominal axis.
     """
     if torque is None:
         return np.array([NOMINAL_STATES.get(state, 0.0) for state in model.states])
@@ -141,17 +144,17 @@ def state_sizes(model: Model, torque: ArrayLike | None, period: float) -> Array:
 
 def _force(model: Model, acts: Array) -> float:
     """
-    Return the torque of a law that has the same effect as an input of one.
+    Return the torque of a torque law that has the same effect as a unit input.
 
-    The effects are compared for a state on which both the law and the input act. If no such state
-    exists, for example for friction of a load, the effects on the output are compared at the
-    slowest pole, where the axis is almost rigid.
+    The function compares the effects on a state on which both the law and the input act. If no such
+    state exists, as for load friction, the function compares the effects on the output at the
+    frequency of the slowest pole, where the axis is almost rigid.
 
     Parameters
     ----------
     model : Model
     acts : (n,) array
-        Factors of the law's torque in the derivatives of the states.
+        Factors that multiply the law's torque in the state derivatives.
     """
     A, B, C = matrices(model)
     for i in np.flatnonzero(B * acts):
@@ -163,14 +166,14 @@ def _force(model: Model, acts: Array) -> float:
 
 
 def _acts(model: Model) -> Array:
-    """Return the factors (n, L) of the laws' torques in the derivatives of the states."""
+    """Return the factors (n, L) that multiply the laws' torques in the state derivatives."""
     one = model.parametrize(model.parameters[:1])
     block, torques = one.blocks(one.theta)[0], slice(one.states, one.n)
     return np.asarray(block[: len(model.states), torques])
 
 
 def _stored(model: Model, law: Law) -> Sizes:
-    """Return the stored sizes of the nominal axis; raise EstimatorError for another axis."""
+    """Return stored magnitudes of the nominal axis, or raise EstimatorError for another axis."""
     linear = three_mass(model.nominal) if set(N1) <= set(model.nominal) else None
     if linear is None or tuple(model.states[: len(linear.states)]) != tuple(linear.states):
         known = False
@@ -178,8 +181,8 @@ def _stored(model: Model, law: Law) -> Sizes:
         known = is_nominal_axis(linear, [p for p in linear.parameters if p != "r"])
     if not known or law.kind not in NOMINAL:
         raise EstimatorError(
-            "the expected size of friction, backlash and cogging is known only for the nominal "
-            "axis; for another axis, give the torque of a run with some tens of seconds of motion"
+            "the expected magnitudes of friction, backlash and cogging are known only for the "
+            "nominal axis; for any other axis, give the torque of some tens of seconds of motion"
         )
     return NOMINAL[law.kind]
 
@@ -187,19 +190,20 @@ def _stored(model: Model, law: Law) -> Sizes:
 @dataclass(frozen=True)
 class Prior:
     """
-    The prior distribution of parameters θ before the first sample.
+    The prior distribution of the parameters θ before the first sample.
 
     Attributes
     ----------
     names : tuple of str
-        Names of the parameters, or of their inverses.
+        Names of the parameters or inverse parameters.
     start, deviation : (p,) arrays
-        Initial values θ(0) and their standard deviations.
+        Initial values θ(0), and the standard deviations of these values.
     lower, upper : (p,) arrays
-        Bounds of θ.
+        Lower and upper bounds of θ.
     scale : (p,) array
-        Divisors that make θ relative. The divisor is the standard deviation of an unknown value for
-        a law parameter, because the parameter may be zero, and θ(0) for all other parameters.
+        Divisors that make θ relative. The divisor of a torque law parameter is the standard
+        deviation of an unknown value, because the parameter can be zero. The divisor of any other
+        parameter is θ(0).
     """
 
     names: tuple[str, ...]
@@ -211,12 +215,12 @@ class Prior:
 
     @property
     def P0(self) -> Array:
-        """Prior variances (p,)."""
+        """Prior variances (p,) of the parameters."""
         return self.deviation**2
 
     @property
     def bounds(self) -> tuple[Array, Array]:
-        """Lower and upper bounds (p,), in the format of a filter's option ``bounds``."""
+        """Lower and upper bounds (p,) of θ, in the format of the filter option ``bounds``."""
         return self.lower, self.upper
 
 
@@ -228,25 +232,25 @@ def with_laws(
     geared: bool = False,
 ) -> Model:
     """
-    Return a model of a real axis with nonlinear laws; unknown parameters have prior values.
+    Return a model of a real axis with nonlinear torques and prior values of all unknowns.
 
     Parameters
     ----------
     nominal : mapping of str to float, or Model
-        Nominal values as in `flexaxis.estimators.models.axes.real_axis`, where law parameters are
-        optional. A model with its own laws is returned unchanged.
+        Nominal values as in `flexaxis.estimators.models.axes.real_axis`, but torque law parameters
+        are optional. If ``nominal`` is a model, the function returns this model unchanged.
     torque : (N,) array_like, optional
-        Torque of a run [N m], from which the sizes are computed. By default, the sizes of the
-        nominal axis are used.
+        Recorded torque [N m], from which the function computes the magnitudes of friction and
+        backlash. By default, the function uses the magnitudes of the nominal axis.
     period : float
         Sampling period [s].
     geared : bool
-        Whether friction grows with the load of the gear even if ``nominal`` does not contain mu_m.
+        Whether friction increases with the gear load even if ``nominal`` does not contain mu_m.
 
     Raises
     ------
     EstimatorError
-        If the torque is None and the axis is not the nominal axis of the benchmark.
+        If no torque is given and the axis is not the nominal axis of the benchmark.
     """
     if isinstance(nominal, Model):
         return nominal
@@ -267,20 +271,20 @@ def with_laws(
 
 
 def told_of(nominal: Mapping[str, float] | Model) -> tuple[str, ...]:
-    """Return the parameters with user-specified values, which are all parameters of a Model."""
+    """Return the names of all parameters whose nominal values are given."""
     return nominal.parameters if isinstance(nominal, Model) else tuple(nominal)
 
 
 def structure_names(model: Model, tracked: Sequence[str] = TRACKED) -> tuple[str, ...]:
     """
-    Return the parameters of a model's linear part and laws that are to be learnt once.
+    Return the parameters of a model that an estimator should learn only once.
 
     Parameters
     ----------
     model : Model
         Model as returned by `with_laws`.
     tracked : sequence of str
-        Names of the parameters, or their inverses, that are tracked instead.
+        Names of the parameters or inverse parameters that the estimator tracks instead.
     """
     taken = {name.removeprefix("1/") for name in tracked}
     laws = [
@@ -302,21 +306,22 @@ def prior(
     spread: float = TOLD,
 ) -> Prior:
     """
-    Return the prior distribution of parameters.
+    Return the prior distribution of model parameters.
 
     Parameters
     ----------
     model : Model
         Model as returned by `with_laws`.
     names : sequence of str
-        Names of parameters, or of their inverses.
-    torque, period
+        Names of model parameters or inverse parameters.
+    torque, period : array_like, float
         Options as in `with_laws`.
     told : sequence of str
-        Names of law parameters with known values. Their standard deviation is `TOLD` times the
-        value, unless the prior of an unknown value has a smaller standard deviation.
+        Names of torque law parameters with known values. The standard deviation of a known value is
+        `TOLD` times the value, unless the prior of an unknown value has a smaller standard
+        deviation.
     spread : float
-        Standard deviation of the tracked parameters of the linear model, relative to θ(0).
+        Prior standard deviation of the tracked parameters of the linear model, relative to θ(0).
     """
     guesses: dict[str, Array] = {}
     if any(name in model.law_parameters for name in names):
@@ -349,12 +354,12 @@ def _of_law(guess: Array, start: float, told: bool) -> tuple[float, ...]:
 
 
 def _guess(role: str, law: Law, sizes: Sizes) -> Array:
-    """Return the prior of a law's parameter in SI units: start, deviation, lower, upper bound."""
+    """Return start, deviation, lower and upper bound of a law parameter in SI units."""
     known = law.roles[role]
     if not known.size:  # a data-sheet value, such as a number of poles
         raise EstimatorError(
-            f"the parameter {law.parameters[role]!r} of a law {law.kind!r} has no prior and cannot "
-            "be learnt; give its nominal value"
+            f"the parameter {law.parameters[role]!r} of a torque law {law.kind!r} cannot be "
+            "estimated, because it has no prior; give its nominal value"
         )
     unit = {
         "1": 1.0,

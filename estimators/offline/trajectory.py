@@ -1,4 +1,4 @@
-"""The output of a model for a record, with derivatives with respect to all unknown quantities."""
+"""The simulated output of a model for a record, and its derivatives by all unknowns."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -24,24 +24,24 @@ LEAST = 1e-3  # rad/s or rad, smallest magnitude to which STEP is applied, for i
 
 def delayed(u: ArrayLike, samples: float, *, smooth: bool = False) -> Array:
     """
-    Return the mean torque (N,) that acts over each sample if the torque is delayed.
+    Return the mean torque (N,) that a delayed torque exerts during each sample.
 
-    A held torque u with a delay of n + δ samples equals u[k−n−1] during the first fraction δ of
-    sample k and u[k−n] during the rest. Its mean is the linear interpolation
-    (1−δ) u[k−n] + δ u[k−n−1]. This mean torque accelerates an inertia to exactly the same speed at
-    the end of the sample. If u is a sequence of means of a smooth signal, such as a measured
-    current, u is interpolated by a cubic spline instead.
+    A piecewise constant torque u with a delay of n + δ samples equals u[k−n−1] during the first
+    fraction δ of sample k, and u[k−n] during the rest of the sample. The mean torque is the linear
+    interpolation (1−δ) u[k−n] + δ u[k−n−1]. At the end of each sample, an inertia has exactly the
+    same speed with the mean torque as with the delayed torque. If u is sampled from a smooth
+    signal, such as a measured current, the function interpolates u with a cubic spline instead.
 
     Parameters
     ----------
     u : (N,) array_like
-        Torque. Before the first sample, a held torque is zero, and a smooth torque is equal to its
-        first value.
+        Motor torque. Before the first sample, a piecewise constant torque is zero, and a smooth
+        torque equals its first value.
     samples : float
         Delay in samples, not necessarily an integer. If the delay is negative, the torque acts
-        early, and the last value is repeated at the end.
+        early, and the last torque value is repeated at the end of the record.
     smooth : bool
-        Whether u consists of samples of a smooth signal.
+        Whether u consists of samples of a smooth signal instead of piecewise constant values.
 
     Examples
     --------
@@ -58,29 +58,29 @@ def delayed(u: ArrayLike, samples: float, *, smooth: bool = False) -> Array:
 @dataclass(frozen=True)
 class Trajectory:
     """
-    The output of a model for a torque, as a function of all unknown quantities.
+    The simulated output of a model for a torque, as a function of all unknown quantities.
 
-    The vector of unknowns is z = [θ, gains, states, offset of the torque, delay of the torque]. The
-    states are the initial states of all stretches of the record, one after the other.
+    The vector of unknowns is z = [θ, gains, states, torque offset, torque delay]. The states in z
+    are the initial states of all segments of the record, one after the other.
 
     Attributes
     ----------
     model : Parametrization
-        Model, with or without laws.
+        Model with or without nonlinear torques.
     u : (N,) array
-        Torque as logged.
+        Logged motor torque, without delay correction.
     period : float
         Sampling period [s].
     smooth : bool
-        Whether the torque changes smoothly between samples; see `delayed`.
+        Whether the torque changes smoothly between samples, as defined in `delayed`.
     begins : tuple of int
-        Samples at which stretches begin. Each stretch has its own initial state, because neither
-        the torque in a gap nor the state after the gap is known. The output is 0 up to the start of
-        the first stretch. At the start of any other stretch, the output still belongs to the
-        previous stretch.
+        Indices of the samples at which the segments of the record begin. Each segment has its own
+        initial state, because neither the torque in a gap nor the state after the gap is known. The
+        output is 0 up to the start of the first segment. At the start of any other segment, the
+        output still belongs to the previous segment.
     beside : (m, N) array
-        Additional torques, such as the sine of a measured angle; each of them is multiplied by an
-        unknown gain.
+        Additional torques, such as the sine of a measured angle. An unknown gain multiplies each
+        additional torque.
     """
 
     model: Parametrization
@@ -92,50 +92,51 @@ class Trajectory:
 
     @property
     def p(self) -> int:
-        """Number of parameters θ."""
+        """Number of model parameters in θ."""
         return len(self.model.names)
 
     @property
     def first(self) -> int:
-        """Index in z of the first state, after the parameters and gains."""
+        """Index in z of the first initial state, which follows the parameters and gains."""
         return self.p + len(self.beside)
 
     @property
     def free(self) -> list[int]:
-        """Indices of the states that are unknown at the start of a stretch; all others are 0."""
+        """Indices of the states that are unknown at the start of a segment; other states are 0."""
         return [i for i in range(self.model.states) if i not in self.model.reset]
 
     @property
     def q(self) -> int:
-        """Number of unknowns in z."""
+        """Number of unknowns in the vector z."""
         return self.first + len(self.free) * len(self.begins) + 2
 
     @property
     def states(self) -> list[slice]:
-        """Positions in z of the initial states of each stretch."""
+        """Positions in z of the initial states of each segment."""
         width = len(self.free)
         return [slice(k, k + width) for k in range(self.first, self.q - 2, width)]
 
     @cached_property
     def in_steps(self) -> bool:
-        """Whether the model contains laws that are solved in steps."""
+        """Whether the model contains nonlinear torques that require step-by-step integration."""
         return self.model.forces > 0 and not is_dry(self.model, self.period)
 
     def fastest(self, theta: Array) -> float:
-        """Return the largest |pole| of the linear part in radians per sample; inf if not finite."""
+        """Return the largest |pole| of the linear part in radians per sample; inf on overflow."""
         A = self.model.matrices(theta)[0]
         return self.period * max(abs(np.linalg.eigvals(A))) if np.isfinite(A).all() else np.inf
 
     def along(self, z: Array, held: Flags | None = None) -> tuple[Array, Array]:
         """
-        Return the output ŷ (N,) and its derivatives (q, N) at z; both are 0 up to the first start.
+        Return the output ŷ (N,) and its derivatives (q, N) at z.
 
         Parameters
         ----------
         z : (q,) array
             Values of the unknowns.
         held : (q,) array of bool, optional
-            Whether each unknown is held constant, with a derivative of 0; none by default.
+            For each unknown, whether the unknown is held constant, so that its derivatives are 0.
+            By default, no unknown is held constant.
         """
         free = np.ones(self.q, bool) if held is None else ~held
         (y, slopes), size, offset = self._simulated(z), self._steps(z), self.q - 2
@@ -160,7 +161,7 @@ class Trajectory:
         return y, slopes
 
     def _steps(self, z: Array) -> Array:
-        """Return the changes (q,) of the unknowns in numerical derivatives."""
+        """Return the step sizes (q,) of the unknowns for numerical derivatives."""
         size = np.full(self.q, LEAST)
         size[: self.p] = np.where(self.model.theta, abs(self.model.theta), LEAST)
         size[self.p : self.first] = size[-2] = np.std(self.u)
@@ -170,7 +171,7 @@ class Trajectory:
         return list(pairwise([*self.begins, len(self.u) - 1]))
 
     def _simulated(self, z: Array) -> tuple[Array, Array]:
-        """Return ŷ (N,), and derivatives (q, N) for θ and states if laws are solved in steps."""
+        """Return ŷ (N,), and derivatives (q, N) by θ and states in step-by-step integration."""
         p, theta, free = self.p, z[: self.p], self.free
         torque = delayed(self.u, z[-1] / self.period, smooth=self.smooth) + z[-2]
         torque += z[p : self.first] @ self.beside if len(self.beside) else 0.0

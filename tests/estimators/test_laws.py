@@ -167,7 +167,7 @@ FULL = ({"speed_motor": 1.0}, {"speed_motor": "-1/J_m"}, GEAR_FRICTION.parameter
         (("statik", {"speed_motor": 1.0}, {"speed_motor": "1"}, {}), "static"),
         (("static", {"speed_motor": 1.0}, {"speed_motor": "1"}, {"colomb": 1.0}), "coulomb"),
         (("static", {}, {"speed_motor": "1"}, {"coulomb": 1.0}), "drive"),
-        (("gear", *FULL), "a law 'spring', and model 'three_mass' has no such law"),
+        (("gear", *FULL), "the model 'three_mass' has no law 'spring'"),
         (("static", {"speed_motor": 1.0}, {"speed_motor": "sin(k)"}, {"coulomb": 1.0}), "sin"),
     ],
 )  # fmt: skip

@@ -82,7 +82,7 @@ def test_divergence_is_a_result(nominal, loop):
 REFUSALS = [
     ({"identify": ("k_T", "fm")}, "no parameter 'fm'.*did you mean 'f_m'"),
     ({"output": "sped"}, "unknown output 'sped': did you mean 'speed'"),
-    ({"forgetting": 0.0}, r"forgetting is 0.0; λ must lie in \(0, 1\]"),
+    ({"forgetting": 0.0}, r"forgetting is 0.0, but the factor λ must lie in \(0, 1\]"),
     ({"forgetting": 1.01}, "forgetting is 1.01"),
     ({"forgetting": 0.99, "drift": DRIFT}, "both given"),
     ({"drift": -DRIFT}, "drift must be symmetric positive definite"),
@@ -93,7 +93,7 @@ REFUSALS = [
     ({"theta0": [1.0, 0.0, 1.0]}, "contain zero"),
     ({"bounds": (THETA * 1.1, THETA * 2)}, "do not enclose theta0"),
     ({"bounds": (THETA[:2], THETA * 2)}, "bounds is .*; give 3 finite values"),
-    ({"regularization": -1.0}, "regularization is -1.0; μ must be finite and ≥ 0"),
+    ({"regularization": -1.0}, "regularization is -1.0, but μ must be finite and ≥ 0"),
     ({"period": 0.0}, "period is 0.0"),
     ({"noise": 0.0}, "noise is 0.0"),
     ({"noise": -1.0}, "noise is -1.0"),
