@@ -43,5 +43,5 @@ def test_what_is_not_seen_and_was_not_told_is_taken_as_absent():
 
 def test_a_told_zero_is_refused_by_its_name():
     _, nominal, torque = drawn("fm_step-v1")
-    with pytest.raises(EstimatorError, match=r"^the nominal value of f_m is 0, .* leave it out"):
+    with pytest.raises(EstimatorError, match=r"^the nominal value of f_m is 0, .* remove"):
         glr(nominal | {"f_m": 0.0}, T, torque=torque)
