@@ -45,7 +45,7 @@ def exponential():
 
 
 def estimators():
-    """Return the median computing times per sample [µs] of `run` and `step` of all estimators."""
+    """Return the median `run` and `step` times per sample [µs] of all estimators."""
     record = fx.simulate(SCENARIO, seed=0)
     u, y = record.torque, record.speed
     made = {name: build(parse(name), SCENARIO) for name in REGISTRY}
