@@ -245,8 +245,8 @@ def sign(motion: str, record: Record) -> Row:
     ok, T, u = valid_of(record), record.period, record.torque
     speed = output_of(record)[1]
     s = spectra(u[ok], speed[ok], T)
-    low = (np.cumsum(s.torque) - s.torque < LOWEST * s.torque.sum()) & (s.frequency > 0)
-    faster = s.cross * (np.exp(1j * s.omega * T) - 1)
+    low = np.cumsum(s.torque) - s.torque < LOWEST * s.torque.sum()
+    faster = s.torque * s.gain * (np.exp(1j * s.omega * T) - 1)
     along = float((faster[low] * np.exp(-0.25j * np.pi)).sum().real)
     # torque k acts on [t_k, t_{k+1}), so its power is computed from the mean speed in that interval
     after = np.append(speed[1:], speed[-1])

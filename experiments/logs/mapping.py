@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
 
 from flexaxis.experiments.logs.findings import LogError
 from flexaxis.experiments.logs.read import Log
-from flexaxis.experiments.logs.units import COUNTS, ENDINGS, SI, UNITS, WORDS, spelt
+from flexaxis.experiments.logs.units import COUNTS, ENDING, SI, UNITS, WORDS, spelt
 
 Array = NDArray[np.float64]
 Signal = Literal["time", "torque", "angle", "speed"]
@@ -105,57 +105,58 @@ def pick(log: Log, mapping: LogMap) -> Raw:
     chosen = _columns(log, mapping)
     rows = slice(*(int(part) if part else None for part in mapping.rows.split(":")))
     columns = log.read([*chosen.values()], rows)
-    length, *others = {len(values) for values in columns.values()}
-    if others:
+    lengths = {*map(len, columns.values())}
+    if len(lengths) > 1:
         raise LogError(
             f"the columns {', '.join(columns)} differ in length. All columns of a log must have "
             "a value for every sample. Do these columns have different sampling rates?"
         )
-    units = {name: _unit(log, name, column, mapping) for name, column in chosen.items()}
-    signals = {}
+    signals, units = dict[str, Array](), dict[str, str]()
     for name, column in chosen.items():
         known = UNITS[name] | {"": 1.0}
         if mapping.counts is not None and name == "angle":
             known[COUNTS] = 2 * np.pi / mapping.counts
-        if units[name] not in known:
+        unit = _unit(log, name, column, mapping)
+        if unit not in known:
             raise LogError(
-                f"unknown unit {units[name]!r} of {column}. The known units of {name} are "
-                f"{', '.join(filter(None, known))}. Give a known unit with --unit {name}=…, or "
+                f"the unit {unit!r} of the column {column} is unknown. The known units of {name} "
+                f"are {', '.join(filter(None, known))}. Give a known unit with --unit {name}=…, or "
                 f"--counts N for encoder counts. For other units, also give --scale {name}=FACTOR"
             )
-        scale: float = mapping.scale.get(name, 1.0)  # type: ignore[call-overload]
-        signals[name] = columns[column] * known[units[name]] * scale
-    if "time" not in signals:
+        scale = mapping.scale.get(name, 1.0)  # type: ignore[call-overload]
+        signals[name] = columns[column] * known[unit] * scale
+        if unit:
+            units[name] = unit
+    if mapping.rate:
         units["time"] = "s"
-        signals["time"] = np.arange(length) / (mapping.rate or 1.0)
-    stated = {name: unit for name, unit in units.items() if unit}
-    return Raw(signals.pop("time"), signals, stated)
+        signals["time"] = np.arange(*lengths) / mapping.rate
+    return Raw(signals.pop("time"), signals, units)
 
 
 def _columns(log: Log, mapping: LogMap) -> dict[str, str]:
     """Return the column of each signal: the stated column, or a column with a known name.
 
-    If the column of one motion signal is stated, other motion signals are ignored. If a sampling
+    If the column of one motion signal is stated, the other motion signal is ignored. If a sampling
     rate is stated, time columns are ignored.
     """
-    names = [name for name in SI if not (mapping.rate and name == "time")]
-    chosen = {name: column for name in names if (column := getattr(mapping, name)) is not None}
-    known = {*chosen, *(MOTIONS if chosen.keys() & MOTIONS else ())}
+    stated = {name: column for name in SI if (column := getattr(mapping, name)) is not None}
     lower = {name.lower(): name for name in reversed([*log.columns])}
-    for name in names:
-        alike = [lower[word] for word in WORDS[name] if word in lower]
-        if alike and name not in known:
-            chosen[name] = alike[0]
-    for question, answered in (
-        ("time? Give --time COLUMN or --rate HZ", mapping.rate or "time" in chosen),
-        ("torque or current? Give --torque COLUMN", "torque" in chosen),
-        ("motor angle or speed? Give --angle COLUMN or --speed COLUMN", chosen.keys() & MOTIONS),
-    ):
-        if not answered:
-            raise LogError(
-                f"which column is the {question}. The columns are {log.listed}. If these are not "
-                "the column names, give the line that contains the names with --header LINE"
-            )
+    known = {*stated, *(MOTIONS if stated.keys() & MOTIONS else ())}
+    names = [name for name in SI if name not in known]
+    found = {n: lower[word] for n in names for word in reversed(WORDS[n]) if word in lower}
+    chosen = found | stated
+    if mapping.rate:
+        chosen.pop("time", None)
+    wanted = {
+        "the time (give --time COLUMN or --rate HZ)": mapping.rate or "time" in chosen,
+        "the torque or current (give --torque COLUMN)": "torque" in chosen,
+        "the motor angle or speed (give --angle COLUMN or --speed COLUMN)": chosen.keys() & MOTIONS,
+    }
+    if absent := [signal for signal, known in wanted.items() if not known]:
+        raise LogError(
+            f"no column has a known name for {', '.join(absent)}. The columns are {log.listed}. If "
+            "these are not the column names, give the line of the names with --header LINE"
+        )
     return chosen
 
 
@@ -165,7 +166,6 @@ def _unit(log: Log, name: str, column: str, mapping: LogMap) -> str:
         return spelt(stated, name)
     if name == "angle" and mapping.counts:
         return COUNTS
-    # torque_mA is a current, torque_ma may be a moving average
-    endings = re.findall(r"(?=_(.+))", column)[-2:]
-    both = (unit for end in endings for unit in (end, end.lower()))
-    return spelt(next((unit for unit in both if unit in ENDINGS[name]), ""), name)
+    ending = ENDING.fullmatch(column)
+    unit = spelt(ending[1], name) if ending else ""
+    return unit if unit in UNITS[name] else ""

@@ -6,15 +6,10 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-KEYS = ("time", "torque", "angle", "speed", "rate", "torque_is", "counts", "rows", "header",
-        "resample", "burn_in")  # fmt: skip
-
 
 def pair(text: str) -> tuple[str, str]:
     """Split ``SIGNAL=VALUE`` into the name of the signal and the value."""
-    name, equals, value = text.partition("=")
-    if not equals:
-        raise argparse.ArgumentTypeError(f"write SIGNAL=VALUE, such as angle=deg, not {text}")
+    name, value = text.split("=")
     return name.strip(), value.strip()
 
 
@@ -77,8 +72,10 @@ def tables_of(args: argparse.Namespace) -> dict[str, Any]:
 
     tables = read_toml(args.map, LogError) if args.map else {}
     checked(LogMap, tables, args.map)
-    tables |= {name: value for name in KEYS if (value := getattr(args, name)) is not None}
-    for key in ("unit", "scale"):
-        if pairs := dict(getattr(args, key)):
-            tables[key] = tables.get(key, {}) | pairs
+    for name in (*LogMap.model_fields, "burn_in"):
+        value = getattr(args, name)
+        if isinstance(value, list):  # of pairs
+            value = tables.get(name, {}) | dict(value) or None
+        if value is not None:
+            tables[name] = value
     return tables

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import codecs
 import re
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from statistics import mode
 from textwrap import shorten
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -30,8 +27,7 @@ MISSING = ["", "-", "--", "na", "n/a", "null", "none", "N.A."]
 _UNIT = re.compile(r"(?P<name>.*?)\s*(?:[\[(]|\s/\s|\sin\s)\s*(?P<unit>[^\])]*?)\s*[\])]?")
 
 
-@dataclass(frozen=True)
-class Log:
+class Log(NamedTuple):
     """The columns of a log file, and their units.
 
     Attributes
@@ -89,7 +85,7 @@ def open_log(path: Path, header: int | None = None) -> Log:
     """
     try:
         with path.open("rb") as file:
-            start = file.read(PROBE)
+            start = b"".join(file.readlines(PROBE))
         if b"\x89HDF" in (start[:4], start[512:516]):
             import h5py
 
@@ -99,13 +95,10 @@ def open_log(path: Path, header: int | None = None) -> Log:
             columns = dict(_flattened(loadmat(path, simplify_cells=True)))
         else:
             return _csv(path, start, header)
-    except (LogError, MemoryError):
+    except LogError:
         raise
-    except Exception as error:  # for damaged files, scipy and h5py raise many kinds of exceptions
-        reason = getattr(error, "strerror", None) or f"{error}. The file may be damaged"
-        raise LogError(f"cannot be read: {reason}") from error
-    if not columns:
-        raise LogError("contains no columns of numbers")
+    except Exception as error:  # for damaged files, the libraries raise many kinds of exceptions
+        raise LogError(f"cannot be read: {str(error).strip()}") from error
     return Log({name: pd.Series(values) for name, values in columns.items()}, {})
 
 
@@ -118,12 +111,13 @@ def _flattened(content: Mapping[str, Any], before: str = "") -> Iterator[tuple[s
     for name, item in content.items():
         if name.startswith(("__", "#")):  # keys that scipy adds, and the content of MATLAB's cells
             continue
-        inner = item if isinstance(item, Mapping) else {}
-        if isinstance(item, list) or getattr(item, "dtype", np.dtype(float)).kind == "O":
-            parts = (part for part in item if isinstance(part, Mapping))
-            inner = {x.get("Name") or x.get("label") or f"{i}": x for i, x in enumerate(parts, 1)}
-        yield from _flattened(inner, f"{before}{name}.")
-        array = np.squeeze(np.asarray([] if inner else item))
+        if isinstance(item, list):
+            parts = [part for part in item if isinstance(part, Mapping)]
+            item = {x.get("Name") or x.get("label") or f"{i}": x for i, x in enumerate(parts, 1)}
+        if isinstance(item, Mapping):
+            yield from _flattened(item, f"{before}{name}.")
+            continue
+        array = np.squeeze(np.asarray(item))
         if array.dtype.kind in "fiub" and array.ndim in {1, 2}:
             rows = np.atleast_2d(array).astype(float)
             rows = min(rows, rows.T, key=len)  # the longer side is time
@@ -135,39 +129,32 @@ def _csv(path: Path, start: bytes, header: int | None) -> Log:
     """Open a text table with the separator and the decimal mark that give the most numbers."""
     encoding = _encoding(start)
     lines = start.decode(encoding, "replace").splitlines()
-    lines = lines[:-1] if len(start) == PROBE else lines  # the last line may be incomplete
     kept = [k for k, x in enumerate(lines) if x.strip() and not x.lstrip().startswith(COMMENTS)]
-    part = [lines[k] for k in kept[:COMPARED]]
+    part = [lines[k] for k in kept[:COMPARED]] or [""]
     layouts = [(mark, point) for mark in (*";\t,|", None) for point in ".," if mark != point]
-    tried = [(*_tried(part, *one), *one) for one in layouts if part] or [(0.0, 0, 0, "", "")]
+    tried = [(*_tried(part, *layout), *layout) for layout in layouts]
     share, width, row, separator, decimal = max(tried, key=lambda layout: layout[:2])
-    if not share:
+    if share <= 0:
         raise LogError("is not a MAT file, an HDF5 file, or a CSV file with rows of numbers")
     first = kept[row]
     head = _head(lines[:first], separator, width, header)
     names, units = names_and_units([*head, *[""] * width][:width])
-    try:
-        table = pd.read_csv(
-            path, sep=separator or r"\s+", decimal=decimal, names=names, header=None,
-            skiprows=first, index_col=False, encoding=encoding, encoding_errors="replace",
-            skipinitialspace=True, na_values=MISSING, low_memory=False,
-            comment=next((x[0] for x in lines if x.startswith(COMMENTS[:2])), None),
-        )  # fmt: skip
-    except ValueError as error:  # errors of the parser are ValueErrors, too
-        raise LogError(
-            f"{str(error).strip().splitlines()[-1]}. Does the file contain two logs or a "
-            "separator inside a number?"
-        ) from error
+    table = pd.read_csv(
+        path, sep=separator or r"\s+", decimal=decimal, names=names, header=None,
+        skiprows=first, index_col=False, encoding=encoding, encoding_errors="replace",
+        skipinitialspace=True, na_values=MISSING, low_memory=False,
+        comment=next((x[0] for x in lines if x.startswith(COMMENTS[:2])), None),
+    )  # fmt: skip
     # the last line of a log may be incomplete, so its cells are compared with the previous line
     alike = (table[-2:].notna().nunique() < 2).all()
     return Log(dict(table if alike else table[:-1]), units)
 
 
 def _encoding(start: bytes) -> str:
-    if start.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+    if start[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return "utf-16"
     try:
-        start[: start.rfind(b"\n") + 1].decode()
+        start.decode()
     except UnicodeDecodeError:
         return "cp1252"
     return "utf-8-sig"
@@ -202,17 +189,13 @@ def _head(lines: Sequence[str], separator: str | None, width: int, header: int |
     """
     if header is not None:
         return _cells(lines[header - 1], separator)
-
-    remarks = [x for x in lines if x.lstrip().startswith(COMMENTS)]
-    plain = "\n".join(x if x.strip() else "" for x in lines if x not in remarks).strip("\n")
-    above = [_cells(x.lstrip("#%/ "), separator) for x in reversed(remarks)]
-    if plain:
-        above = [_cells(x, separator) for x in reversed(plain.split("\n\n")[-1].splitlines())]
-    block = [row for row in above if len(row) >= width - 1 and not any(row[width:])]
+    above = sorted(reversed(lines), key=lambda line: line.lstrip().startswith(COMMENTS))
+    rows = [_cells(line.lstrip("#%/ "), separator) for line in above]
+    block = [row for row in rows if len(row) >= width - 1 and any(row) and not any(row[width:])]
     if len(block) > 1 and any(is_unit(cell.strip("[]() ")) for cell in block[0]):
         return [f"{a} [{b.strip('[]() ')}]" for a, b in zip(block[1], block[0], strict=False)]
-    keyed = len(block) > 2 and all(row.count(row[0]) > 1 for row in block)
-    return [*block, []][len(block) - 1 if keyed else 0]
+    keyed = [row for row in block if row[0] and row.count(row[0]) > 1]
+    return keyed[-1] if len(keyed) > 2 else [*block, []][0]
 
 
 def names_and_units(head: Sequence[str]) -> tuple[list[str], dict[str, str]]:
@@ -223,13 +206,13 @@ def names_and_units(head: Sequence[str]) -> tuple[list[str], dict[str, str]]:
     >>> names_and_units(["t [s]", "phi in deg", "phi in deg", "", "q[3]"])
     (['t', 'phi', 'phi#2', 'column4', 'q[3]'], {'t': 's', 'phi': 'deg', 'phi#2': 'deg'})
     """
-    names, units, count = list[str](), dict[str, str](), Counter[str]()
+    names, units, bare = list[str](), dict[str, str](), list[str]()
     for place, text in enumerate(map(str.strip, head), 1):
         match = _UNIT.fullmatch(text)
         known = match is not None and is_unit(match["unit"])
         name = (match["name"] if match and known else text) or f"column{place}"
-        count[name] += 1
-        names.append(f"{name}#{count[name]}" if count[name] > 1 else name)
+        bare.append(name)
+        names.append(f"{name}#{bare.count(name)}" if name in names else name)
         if match and known:
             units[names[-1]] = match["unit"]
     return names, units
@@ -240,14 +223,14 @@ def _numbers(name: str, column: pd.Series[Any]) -> Array:
     if pd.api.types.is_numeric_dtype(column):
         return column.to_numpy(float)
     texts = column.astype("string").str.strip()
-    if texts[:1].str.contains(":").any():
-        stamps = pd.to_datetime(texts, format="mixed", utc=True, errors="coerce")
-        if stamps.notna().all():
-            return (stamps - stamps.iloc[0]).dt.total_seconds().to_numpy(float)
     numbers = pd.to_numeric(texts.str.replace(",", "."), errors="coerce")
     bad = (numbers.isna() & texts.notna()).to_numpy(bool)
     if not bad.any():
         return numbers.to_numpy(float)
+    if bad.all():
+        stamps = pd.to_datetime(texts, format="mixed", utc=True, errors="coerce")
+        if stamps.notna().all():
+            return (stamps - stamps.iloc[0]).dt.total_seconds().to_numpy(float)
     row = column.index[np.argmax(bad)]
     raise LogError(
         f"row {row}, column {name}: {str(texts[row])[:60]!r} is not a number ({bad.sum()} of "

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +18,8 @@ from flexaxis.experiments.logs.findings import LogError
 
 Array = NDArray[np.float64]
 
-SEGMENT = 4.0  # length of the pieces over which spectra are averaged [s]
-PIECES = 6  # minimum number of pieces of a short log
+SEGMENT = 4.0  # length of the segments over which spectra are averaged [s]
+SEGMENTS = 6  # minimum number of segments of a short log
 COHERENT = 0.8  # minimum coherence at a frequency that is used
 SUREST = 0.95  # coherence above which model errors exceed the noise
 LATEST = 4.0  # maximum delay in the search [samples]
@@ -27,57 +27,39 @@ STRONG = 0.01  # minimum power in the excited band, relative to the median power
 SPREAD = (0.0, *[0.6] * 3)  # standard deviations of the logarithms of the initial values
 
 
-@dataclass(frozen=True)
-class Spectra:
+class Spectra(NamedTuple):
     """The averaged spectra of torque u and motion y.
 
     Attributes
     ----------
-    frequency : ndarray (M,)
-        Frequency [Hz].
-    torque, motion : ndarray (M,)
-        Power spectral densities of torque and motion.
-    cross : ndarray (M,) of complex
-        Cross spectral density from torque to motion.
+    omega : ndarray (M,)
+        Angular frequency [rad/s].
+    torque : ndarray (M,)
+        Power spectral density of the torque.
+    gain : ndarray (M,) of complex
+        Frequency response from torque to motion.
+    coherence : ndarray (M,)
+        Fraction of the motion power that the torque explains.
     """
 
-    frequency: Array
+    omega: Array
     torque: Array
-    motion: Array
-    cross: NDArray[np.complex128]
-
-    @property
-    def omega(self) -> Array:
-        """Angular frequency (M,) [rad/s]."""
-        return 2 * np.pi * self.frequency
-
-    @property
-    def gain(self) -> NDArray[np.complex128]:
-        """Frequency response (M,) from torque to motion."""
-        return self.cross / self.torque
-
-    @property
-    def coherence(self) -> Array:
-        """Fraction (M,) of the power of the motion that the torque explains."""
-        return np.abs(self.cross) ** 2 / np.maximum(self.torque * self.motion, 1e-300)
+    gain: NDArray[np.complex128]
+    coherence: Array
 
 
-def spectra(u: Array, y: Array, period: float, *, pieces: int = 2) -> Spectra:
-    """Compute averaged spectra of two signals, after removal of a linear trend from each piece.
+def spectra(u: Array, y: Array, period: float, segments: int = 2) -> Spectra:
+    """Compute averaged spectra of torque u (N,) and motion y (N,) by Welch's method.
 
-    Parameters
-    ----------
-    u, y : ndarray (N,)
-        Torque and motion.
-    period : float
-        Sampling period [s].
-    pieces : int
-        Minimum number of pieces. The pieces of a long record have the length `SEGMENT`.
+    A linear trend is removed from each segment. Each segment lasts `SEGMENT` seconds, or less if a
+    short record would have fewer than `segments` segments.
     """
-    length = min(len(u) // pieces, round(SEGMENT / period))
+    length = min(len(u) // segments, round(SEGMENT / period))
     first, second = np.stack([u, y, u]), np.stack([u, y, y])
     frequency, power = csd(first, second, fs=1 / period, nperseg=length, detrend="linear")
-    return Spectra(frequency, power[0].real, power[1].real, power[2])
+    torque, motion, cross = power[:, 1:]  # without the mean
+    coherence = abs(cross) ** 2 / np.maximum((torque * motion).real, 1e-300)
+    return Spectra(2 * np.pi * frequency[1:], torque.real, cross / torque.real, coherence)
 
 
 def measured_response(u: Array, y: Array, *, period: float, floor: float = 0.0) -> Spectra:
@@ -99,18 +81,17 @@ def measured_response(u: Array, y: Array, *, period: float, floor: float = 0.0) 
     LogError
         If the torque explains the output at fewer than ten frequencies.
     """
-    s = spectra(u, y, period, pieces=PIECES)
-    order = np.argsort(s.torque)[::-1]
-    power = s.torque[order]
+    s = spectra(u, y, period, SEGMENTS)
+    power = np.sort(s.torque)[::-1]
     middle = power[np.searchsorted(np.cumsum(power), 0.5 * power.sum())]
-    seen = (s.frequency > 0) & (s.coherence > COHERENT) & (s.torque >= floor * middle)
+    seen = (s.coherence > COHERENT) & (s.torque >= floor * middle)
     if seen.sum() < 10:
         raise LogError(
             f"the torque explains the output at {int(seen.sum())} frequencies only. Either columns "
             "are swapped or shifted, or the excitation is too small or too slow. Log a multisine, "
             "or try --model one_mass"
         )
-    return Spectra(*(values[seen] for values in vars(s).values()))
+    return Spectra(*(values[seen] for values in s))
 
 
 def fit_response(
@@ -155,9 +136,8 @@ def fit_response(
     grid = np.geomspace(response.omega[0], response.omega[-1], 100)
     lines = np.unique(np.searchsorted(response.omega, grid * 0.9999))
     omega, gain = response.omega[lines], response.gain[lines]
-    # inverse standard deviation of the logarithm, scaled to 1 at the minimum coherence
     share = np.minimum(response.coherence[lines], SUREST)
-    weight = np.sqrt(share / (1 - share) * (1 - COHERENT) / COHERENT)
+    weight = np.sqrt(share / (1 - share))  # inverse standard deviation of the logarithm, scaled
     p, turn = len(chosen.names), -1j * omega * period
 
     def compared(x: Array) -> tuple[Array, Array]:
@@ -175,7 +155,7 @@ def fit_response(
         fits = [
             least_squares(
                 lambda x: compared(x)[0], np.r_[start, 0.1], jac=lambda x: compared(x)[1],
-                bounds=box, loss="soft_l1", f_scale=0.3, max_nfev=60,
+                bounds=box, loss="soft_l1", f_scale=0.6, max_nfev=60,
             )
             for start in starts
         ]  # fmt: skip
@@ -197,6 +177,6 @@ def rough_guess(
     if guess is None:
         return {}
     omega, slope = response.omega, response.omega * abs(response.gain)
-    inertia = 1 / float(np.median(slope[: max(len(slope) // 5, 1)]))
+    inertia = 1 / float(np.median(slope[: len(slope) // 5]))
     peak = float(omega[np.argmax(slope)])
     return guess(Traits(inertia, 0.1 * inertia * float(omega[0]), resonance or peak))

@@ -18,7 +18,7 @@ from flexaxis.sim.record import Record
 LONGEST_GAP = 20  # maximum number of samples in a simulated gap
 
 _TURN, _INCH, _POUND = 2 * np.pi, 0.0254, 4.4482216152605
-_PREFIXES = {"n": 1e-9, "u": 1e-6, "m": 1e-3, "c": 1e-2, "k": 1e3}
+_PREFIXES = {"": 1.0, "n": 1e-9, "u": 1e-6, "m": 1e-3, "c": 1e-2, "k": 1e3}
 _PREFIXED = {"time": "s", "torque": "Nm N A V", "angle": "rad m", "speed": "rad/s m/s"}
 _OTHER = {
     "time": {"min": 60.0, "h": 3600.0},
@@ -37,17 +37,17 @@ _OTHER = {
     },
 }  # fmt: skip
 UNITS: dict[str, dict[str, float]] = {
-    kind: {unit: 1.0 for unit in units.split()}
-    | {p + unit: factor for unit in units.split() for p, factor in _PREFIXES.items()}
+    kind: {p + unit: factor for unit in units.split() for p, factor in _PREFIXES.items()}
     | _OTHER[kind]
     for kind, units in _PREFIXED.items()
 }
 """Units of each kind of signal, with factors that convert them to SI. If the torque is logged as a
 force, a current or a command, k_T is the torque per unit of this signal."""
+KNOWN = [unit for table in UNITS.values() for unit in table]
 COUNTS = "counts"
 SI = {"time": "s", "torque": "Nm", "angle": "rad", "speed": "rad/s"}
 
-_LOWER = {unit.lower(): unit for table in reversed(UNITS.values()) for unit in table}
+_LOWER = {unit.lower(): unit for unit in reversed(KNOWN)}
 _SPELLINGS = {
     "newton": "N", "newtonmet(er|re)": "Nm", "amp(ere)?|arms": "A", "volt": "V",
     "lb": "lbf", "lbin|inlbf?": "lbfin", "lbft|ftlbf?": "lbfft", "ozin|inoz": "ozfin",
@@ -55,13 +55,12 @@ _SPELLINGS = {
     "sec(onds?)?": "s", "minutes": "min", "hz": "rev/s", "(1|u|rev)/min|min1": "rpm",
 }  # fmt: skip
 
-ENDINGS = {
-    "time": {"ms", "us", "ns", "sec"},
-    "torque": {"nm", "mnm", "mA", "lbin", "lbfin", "lbft", "ozin"},
-    "angle": {"rad", "mrad", "deg", "rev", "mm", "um"},
-    "speed": {"rpm", "radps", "degps", "mmps", "rad_s", "deg_s", "mm_s", "m_s"},
-}
-"""Endings of column names, after an underscore, that are recognised as units."""
+# torque_mA is a current in mA, but torque_ma may be a moving average
+ENDING = re.compile(
+    r".*_(mA|(?i:ms|us|ns|sec|m?nm|lbf?in|lbft|ozin|m?rad|deg|rev|[mu]m|rpm"
+    r"|(rad|deg|mm|m)_s|(rad|deg|mm)ps))"
+)
+"""Column names whose ending, after an underscore, is recognised as a unit."""
 
 WORDS = {
     "time": ("time", "zeit", "temps"),
@@ -75,7 +74,7 @@ WORDS = {
 def spelt(text: str, kind: str = "") -> str:
     """Convert a unit to the spelling of `UNITS`. For an angle, ``nm`` is nm, and otherwise N m."""
     plain = re.sub(r"[\s·*.^-]", "", text).replace("µ", "u").replace("μ", "u")
-    if any(plain in table for table in UNITS.values()) and (plain != "nm" or kind == "angle"):
+    if plain in KNOWN and (plain != "nm" or kind == "angle"):
         return plain
     second = re.fullmatch(r"(.+)(/s|_s|ps)", plain)
     if second:
@@ -87,7 +86,7 @@ def spelt(text: str, kind: str = "") -> str:
 
 def is_unit(text: str) -> bool:
     """Return whether a string in brackets is a unit rather than an index."""
-    return text != "1" and any(spelt(text) in t for t in (*UNITS.values(), (COUNTS,)))
+    return text != "1" and spelt(text) in (*KNOWN, COUNTS)
 
 
 def write_log(
@@ -122,9 +121,8 @@ def write_log(
     LogError
         If a unit is unknown, or a number is negative.
     """
-    known = dict.fromkeys(unit for table in UNITS.values() for unit in table)
-    if wrong := [unit for unit in units if unit not in known]:
-        raise LogError(f"--units: {unknown('unit', wrong[0], known)}")
+    if wrong := [unit for unit in units if unit not in KNOWN]:
+        raise LogError(f"--units: {unknown('unit', wrong[0], KNOWN)}")
     if min(gaps, counts) < 0:
         raise LogError("--gaps and --counts must be 0 or more")
     n, signals = len(record.time), {name: getattr(record, name) for name in SI}
@@ -132,9 +130,8 @@ def write_log(
         step = 2 * np.pi / counts
         signals["angle"] = step * np.rint(record.angle / step)
     kept = valid_of(record).copy()
-    for begin in rng.integers(1, max(n - LONGEST_GAP - 1, 2), gaps):
-        # the first and the last sample are kept
-        kept[begin : min(begin + rng.integers(1, LONGEST_GAP + 1), n - 1)] = False
+    for begin in rng.integers(1, max(n - LONGEST_GAP - 1, 2), gaps):  # the last sample is kept
+        kept[begin : begin + rng.integers(1, LONGEST_GAP + 1)] = False
     table = pd.DataFrame()
     for name, values in signals.items():
         unit = next((unit for unit in units if unit in UNITS[name]), SI[name])
