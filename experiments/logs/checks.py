@@ -3,23 +3,28 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from flexaxis.experiments.logs.axis_file import output_of, valid_of
-from flexaxis.experiments.logs.findings import Finding, Kind, LogError
+from flexaxis.experiments.logs.findings import Finding, LogError
 from flexaxis.experiments.logs.mapping import Raw
-from flexaxis.experiments.logs.signals import LONGEST, gaps_of, resolution, rhythm, unwrapped
+from flexaxis.experiments.logs.signals import (
+    LONGEST,
+    Array,
+    Flags,
+    gaps_of,
+    resolution,
+    rhythm,
+)
 from flexaxis.experiments.logs.spectra import spectra
 from flexaxis.experiments.logs.units import SI
 from flexaxis.sim.record import Record
 
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
-Row = tuple[Kind, str] | tuple[Kind, str, str]
+Row = tuple[Any, ...]
 """Kind and text of a finding, and optionally the command-line option that solves the problem."""
 
 FASTEST = 1e4  # maximum plausible motor speed [rad/s]; even milling spindles are slower
@@ -30,6 +35,7 @@ LEVELS = 3  # maximum number of levels of a switched torque
 SECONDS = 0.02  # sampling period [s] above which its unit may be ms, because 0.02 ms is 50 kHz
 WINDOW, USUAL = 7, 95.0  # window length in samples (at most 3 outliers); percentile of usual values
 FAR, STEPS = 10.0, 5.0  # factors on the usual distance from the median and on the usual move
+JITTER = 0.07  # minimum scatter of the time steps that is reported, in sampling periods
 COARSE = 0.05  # minimum encoder step that is reported, relative to the rms move per sample
 SAME = 0.15  # maximum relative difference between a measured ratio and the factor of a unit
 STANDS = 0.5  # minimum fraction of samples of a held torque that equal the previous sample
@@ -38,11 +44,13 @@ _TURN = 2 * np.pi
 RATIOS = {"speed=rpm": 60 / _TURN, "speed=deg/s": 360 / _TURN, "speed=rev/s": 1 / _TURN,
           "angle=deg": _TURN / 360}  # fmt: skip
 """Ratio of speed to slope of the angle if a signal has the unit in the key but is read as SI."""
+OTHERS = {"time": "ms or us", "angle": "deg, rev or mm", "speed": "rpm, deg/s or mm/s"}
+"""Usual units of each signal that are not the assumed unit."""
 _MEASURED = re.compile(r"meas|actual|\bact\b|_act|current|_ad|feedback|\bi_?q\b|effort", re.I)
 _COMMAND = re.compile(r"ref|cmd|command|set|desired|demand|target", re.I)
 
 
-def examine(raw: Raw, record: Record, remarks: Sequence[str]) -> tuple[Finding, ...]:
+def examine(raw: Raw, record: Record, remarks: list[str]) -> tuple[Finding, ...]:
     """Return the findings of all checks.
 
     If the motion has outliers, the signs are not checked, because outliers hide the relation
@@ -54,53 +62,55 @@ def examine(raw: Raw, record: Record, remarks: Sequence[str]) -> tuple[Finding, 
         Signals of the log at the logged sampling times.
     record : Record
         Record of the same signals with even sampling.
-    remarks : sequence of str
-        Sentences on corrections of the time stamps.
+    remarks : list of str
+        Sentences on rows that were omitted.
     """
-    known = np.isfinite(raw.signals[raw.motion])
-    motion, turn = raw.signals[raw.motion][known], 0.0
-    if raw.motion == "angle":
-        motion, turn = unwrapped(motion)
-    times = raw.time[known][outliers(motion)]
+    motion = raw.signals[raw.motion]
+    known = np.isfinite(motion)
+    times = raw.time[known][outliers(motion[known])]
     rows = {
         "time stamps": time_stamps(raw, record, remarks),
-        "wrapping of the angle": wrapping(motion, turn),
+        "wrapping of the angle": wrapping(raw),
         "clipping of the torque": clipping(raw.signals["torque"]),
         "clocks": clocks(raw, record.period),
         "units": units(raw, record.period),
-        "resolution": coarse(raw, motion),
+        "resolution": coarse(raw, motion[known]),
         "torque between samples": torque(raw, record.versions),
         "outliers of the motion": outlying(raw.motion, times),
-        "signs of torque and motion": None if len(times) else sign(raw.motion, record),
+        "signs of torque and motion": None if len(times) else sign(record),
     }
-    return tuple(Finding(*row[:2], name, *row[2:]) for name, row in rows.items() if row)
+    return tuple(Finding(row[0], row[1], name, *row[2:]) for name, row in rows.items() if row)
 
 
-def time_stamps(raw: Raw, record: Record, remarks: Sequence[str]) -> Row:
+def time_stamps(raw: Raw, record: Record, remarks: list[str]) -> Row:
     """Return a finding on the sampling rate, corrected time stamps and missing samples."""
     valid, rate = valid_of(record), 1 / record.period
     missing, gaps = 100 * float(np.mean(~valid)), np.diff(gaps_of(valid))
+    steps = np.diff(raw.time) / np.median(np.diff(raw.time))
     texts = [f"{rate:.6g} Hz, {len(valid)} samples, {len(valid) / rate:.4g} s", *remarks]
     if len(gaps):
         texts.append(
             f"{missing:.2g} % missing in {len(gaps)} gaps (the longest lasts "
             f"{gaps.max() / rate:.3g} s); samples in gaps are ignored"
         )
-    kind: Kind = "problem" if missing >= MISSING else "note" if texts[1:] else "ok"
-    if missing >= ROUNDED and gaps.max() <= 2:  # an increment also needs the sample before
-        even = (len(raw.time) - 1) / (raw.time[-1] - raw.time[0])
+    # an increment also needs the sample before, so a missing row is a gap of two samples
+    if np.std(steps - np.rint(steps)) > JITTER or (missing >= ROUNDED and gaps.max() <= 2):
+        even = (len(raw.time) - 1) / np.ptp(raw.time)
         texts.append(
-            "if no row is missing and the time stamps are only rounded, use --rate "
-            f"{even:.5g} instead of the time column"
+            "the time stamps are uneven; if the sampling was even and no row is missing, use "
+            f"--rate {even:.5g} instead of the time column"
         )
+    kind = "problem" if missing >= MISSING else "note" if texts[1:] else "ok"
     return kind, "; ".join(texts)
 
 
-def wrapping(angle: Array, turn: float) -> Row | None:
+def wrapping(raw: Raw) -> Row | None:
     """Return a finding if the angle was unwrapped, or if it moves too fast to be unwrapped."""
-    fastest = float(np.abs(np.diff(angle)).max()) / (turn or np.inf)
+    if not raw.turn:
+        return None
+    fastest = float(np.nanmax(np.abs(np.diff(raw.signals["angle"])))) / raw.turn
     if fastest < WRAPS:
-        return ("info", f"unwrapped an angle that wraps every {turn:.6g} rad") if turn else None
+        return "info", f"unwrapped an angle that wraps every {raw.turn:.6g} rad"
     text = (
         f"the angle moves by up to {fastest:.2g} turns per sample. Above half a turn, the "
         "direction is ambiguous. Log the angle without wrapping or at a higher rate, or use the "
@@ -114,7 +124,7 @@ def clipping(u: Array) -> Row:
     u = u[np.isfinite(u)]
     limit = (u == u.max()) | (u == u.min())
     share = 100 * float(np.mean(limit[2:] & limit[1:-1] & limit[:-2]))
-    if not share or len(np.unique(u[:10_000])) <= LEVELS:
+    if not share or len(np.unique(u)) <= LEVELS:
         return "ok", "the torque is not clipped"
     text = (
         f"the torque is at its limit of {np.abs(u).max():.4g} for {share:.2g} % of the "
@@ -153,35 +163,33 @@ def coarse(raw: Raw, motion: Array) -> Row | None:
 
 def units(raw: Raw, period: float) -> Row:
     """Return a finding on the units that flexaxis had to assume."""
-    doubtful = [*raw.signals, *["time"] * (period >= SECONDS)]
-    assumed = [n for n in SI if n in doubtful and n not in {*raw.unit, "torque"}]
+    doubtful = {*raw.signals, *["time"] * (period >= SECONDS)} - raw.unit.keys()
+    assumed = [name for name in OTHERS if name in doubtful]
     if not assumed:
         return "ok", "all units are stated or certain"
-    taken = ", ".join(f"{name} in {SI[name]}" for name in assumed)
-    text = f"assumed units: {taken}. A wrong unit scales the estimates without any warning"
-    return "note", text, " ".join(f"--unit {name}={SI[name]}" for name in assumed)
+    taken = " and ".join(f"the {name} in {SI[name]}, not in {OTHERS[name]}" for name in assumed)
+    text = (
+        f"the log does not state all units, so flexaxis assumes {taken}. A wrong unit scales the "
+        "estimates without any warning. Give the true unit"
+    )
+    return "note", text, " ".join(f"--unit {name}=UNIT" for name in assumed)
 
 
-def refuse_nonsense(raw: Raw) -> None:
+def refuse_nonsense(raw: Raw, record: Record) -> None:
     """Raise a LogError if a signal is implausible in its unit.
 
     A unit that the file or an option states is rejected only if the ratio of the speed to the slope
     of the angle shows that this unit is wrong.
     """
-    speeds = {name: raw.signals[name] for name in ("angle", "speed") if name in raw.signals}
-    if "angle" in speeds:
-        known, slope = np.isfinite(speeds["angle"]), np.full(len(raw.time), np.nan)
-        angle = speeds["angle"][known]
-        if "angle" not in raw.unit and (abs(abs(np.diff(angle)) - 355) < 5.5).any():
-            raise LogError(
-                "the angle jumps by 360 between samples, so it is probably a wrapped angle in "
-                "degrees. Give --unit angle=deg, or give --unit angle=rad if the angle is in rad"
-            )
-        slope[known] = np.gradient(unwrapped(angle)[0], raw.time[known])
-        speeds["angle"] = slope
+    if 355 < raw.turn < 365 and "angle" not in raw.unit:
+        raise LogError(
+            "the angle jumps by 360 between samples, so it is probably a wrapped angle in "
+            "degrees. Give --unit angle=deg, or give --unit angle=rad if the angle is in rad"
+        )
+    ok, both = valid_of(record), {"angle": record.increment, "speed": record.speed}
+    speeds = {name: values[ok] for name, values in both.items() if values is not None}
     if len(speeds) > 1:
-        both = np.array([*speeds.values()])
-        slope, speed = both[:, np.isfinite(both).all(axis=0)]
+        slope, speed = speeds.values()
         ratio = abs(float(slope @ speed / (slope @ slope)))
         for unit, usual in RATIOS.items():
             if abs(ratio / usual - 1) < SAME:
@@ -190,7 +198,7 @@ def refuse_nonsense(raw: Raw) -> None:
                     f"is wrong. Give --unit {unit}, or correct the unit of the other signal"
                 )
     for name in speeds.keys() - raw.unit.keys():
-        fast = float(np.nanpercentile(abs(speeds[name]), USUAL))
+        fast = float(np.percentile(abs(speeds[name]), USUAL))
         if fast > FASTEST:
             raise LogError(
                 f"the motor would turn at {fast:.3g} rad/s. Is the {name} in deg, rpm or counts? "
@@ -228,30 +236,26 @@ def outliers(x: Array) -> Flags:
     [500]
     """
     distance, moves = np.abs(x - median_filter(x, WINDOW, mode="nearest")), np.abs(np.diff(x))
-    if not distance.any():
-        return np.zeros(len(x), bool)
     # an axis may rest most of the time, so samples without a move are ignored
     step = float(np.percentile(moves[moves > 0], USUAL))
     return distance > max(FAR * float(np.percentile(distance, USUAL)), STEPS * step)
 
 
-def sign(motion: str, record: Record) -> Row:
+def sign(record: Record) -> Row:
     """Return a finding on the signs of torque and motion.
 
     At the lowest excited frequencies, an axis behaves like an inertia with friction. Therefore the
     acceleration leads the torque by 0 to 90°. Moreover, the mean power of the torque is positive,
     because friction only dissipates power.
     """
-    ok, T, u = valid_of(record), record.period, record.torque
-    speed = output_of(record)[1]
+    ok, T, u, (output, speed) = valid_of(record), record.period, record.torque, output_of(record)
     s = spectra(u[ok], speed[ok], T)
     low = np.cumsum(s.torque) - s.torque < LOWEST * s.torque.sum()
     faster = s.torque * s.gain * (np.exp(1j * s.omega * T) - 1)
     along = float((faster[low] * np.exp(-0.25j * np.pi)).sum().real)
     # torque k acts on [t_k, t_{k+1}), so its power is computed from the mean speed in that interval
-    after = np.append(speed[1:], speed[-1])
-    moving = after if motion == "angle" else (speed + after) / 2
-    if along >= 0 or float(np.mean((u * moving)[ok])) >= 0:
+    moving = speed[1:] if output == "increment" else speed[1:] + speed[:-1]
+    if along >= 0 or (u[:-1] * moving)[ok[:-1]].sum() >= 0:
         return "ok", "the torque drives the motion"
     text = "torque and motion have opposite signs. Reverse the sign of one of these signals"
     return "problem", text, "--scale torque=-1"
@@ -263,23 +267,24 @@ def torque_kind(raw: Raw, stated: str | None, column: str) -> tuple[str, str]:
     A command jumps at each sample and is constant until the next sample. A measured current also
     changes between samples. The wrong choice causes a delay error of half a sample.
     """
-    u = raw.signals["torque"][np.isfinite(raw.signals["torque"])][:LONGEST]
+    u = raw.signals["torque"][:LONGEST]
     if stated is not None:
         return stated, "as stated"
     if len(np.unique(u)) <= LEVELS or np.mean(np.diff(u) == 0) > STANDS:
-        return "held", "the torque switches between levels, or is constant between jumps"
-    for kind, names in (("held", _COMMAND), ("smooth", _MEASURED)):
-        if names.search(column):
-            return kind, f"the column is called {column}; --torque-is selects the other kind"
-    return "held", "it is assumed to be a command; for a measured current, use --torque-is smooth"
+        return "held", "as the repeated values show"
+    measured = _MEASURED.search(column) and not _COMMAND.search(column)
+    kind, other = ("smooth", "a command") if measured else ("held", "a measured current")
+    option = "--torque-is held" if measured else "--torque-is smooth"
+    because = (
+        f"assumed from the column name {column}; for {other}, give {option}, because the wrong "
+        "choice causes a delay error of half a sample"
+    )
+    return kind, because
 
 
 def torque(raw: Raw, about: Mapping[str, str]) -> Row:
-    """Return a finding on the assumed torque between samples."""
-    text = (
-        f"the torque is {about['torque']} between samples ({about['torque_because']}). The wrong "
-        "kind causes a delay error of half a sample"
-    )
+    """Return a finding on the torque between samples."""
+    text = f"the torque is {about['torque']} between samples ({about['torque_because']})"
     if raw.unit.get("torque") in ("V", "mV"):
         text += ". The torque is logged as a voltage, so f_m includes the damping due to back-EMF"
     return "info", text

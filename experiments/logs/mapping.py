@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
 
 from flexaxis.experiments.logs.findings import LogError
-from flexaxis.experiments.logs.read import Log
+from flexaxis.experiments.logs.read import Array, Log
 from flexaxis.experiments.logs.units import COUNTS, ENDING, SI, UNITS, WORDS, spelt
 
-Array = NDArray[np.float64]
 Signal = Literal["time", "torque", "angle", "speed"]
 
 MOTIONS = ("angle", "speed")
@@ -64,8 +61,7 @@ class LogMap(BaseModel):
     resample: PositiveFloat | None = None
 
 
-@dataclass(frozen=True)
-class Raw:
+class Raw(NamedTuple):
     """The signals of a log in SI units at the logged times. Missing values are NaN.
 
     Attributes
@@ -76,11 +72,19 @@ class Raw:
         Torque [N m], and angle [rad] or speed [rad/s] or both.
     unit : dict of str to str
         Logged units of the signals, as far as the units are stated.
+    turn : float
+        Range [rad] after which the logged angle wrapped, or 0.
     """
 
     time: Array
     signals: Mapping[str, Array]
     unit: Mapping[str, str]
+    turn: float = 0.0
+
+    def part(self, rows: Any) -> Raw:
+        """Return the given rows of the signals."""
+        signals = {name: values[rows] for name, values in self.signals.items()}
+        return self._replace(time=self.time[rows], signals=signals)
 
     @property
     def motion(self) -> str:
@@ -90,8 +94,8 @@ class Raw:
     @property
     def linear(self) -> bool:
         """Whether the axis is linear, so that the unit of its motion is based on a length."""
-        units = (self.unit.get(name, "") for name in MOTIONS)
-        return any(re.match(r"([numck]?m|in)(/|$)", unit) for unit in units)
+        length = re.compile(r"([numck]?m|in)(/|$)")
+        return any(length.match(self.unit.get(name, "")) for name in MOTIONS)
 
 
 def pick(log: Log, mapping: LogMap) -> Raw:
@@ -113,10 +117,12 @@ def pick(log: Log, mapping: LogMap) -> Raw:
         )
     signals, units = dict[str, Array](), dict[str, str]()
     for name, column in chosen.items():
-        known = UNITS[name] | {"": 1.0}
+        known, ending = UNITS[name] | {"": 1.0}, ENDING.fullmatch(column)
+        usual = spelt(ending[1], name) if ending else ""
         if mapping.counts is not None and name == "angle":
-            known[COUNTS] = 2 * np.pi / mapping.counts
-        unit = _unit(log, name, column, mapping)
+            known[COUNTS], usual = 2 * np.pi / mapping.counts, COUNTS
+        stated = mapping.unit.get(name) or log.units.get(column)  # type: ignore[call-overload]
+        unit = spelt(stated, name) if stated else usual if usual in known else ""
         if unit not in known:
             raise LogError(
                 f"the unit {unit!r} of the column {column} is unknown. The known units of {name} "
@@ -143,7 +149,7 @@ def _columns(log: Log, mapping: LogMap) -> dict[str, str]:
     lower = {name.lower(): name for name in reversed([*log.columns])}
     known = {*stated, *(MOTIONS if stated.keys() & MOTIONS else ())}
     names = [name for name in SI if name not in known]
-    found = {n: lower[word] for n in names for word in reversed(WORDS[n]) if word in lower}
+    found = {n: lower[word] for n in names for word in reversed(WORDS[n].split()) if word in lower}
     chosen = found | stated
     if mapping.rate:
         chosen.pop("time", None)
@@ -152,20 +158,10 @@ def _columns(log: Log, mapping: LogMap) -> dict[str, str]:
         "the torque or current (give --torque COLUMN)": "torque" in chosen,
         "the motor angle or speed (give --angle COLUMN or --speed COLUMN)": chosen.keys() & MOTIONS,
     }
-    if absent := [signal for signal, known in wanted.items() if not known]:
+    if absent := [signal for signal, column in wanted.items() if not column]:
         raise LogError(
-            f"no column has a known name for {', '.join(absent)}. The columns are {log.listed}. If "
-            "these are not the column names, give the line of the names with --header LINE"
+            f"no column has a known name for {', '.join(absent)}. The columns are "
+            f"{', '.join(log.columns)}. If these are not the column names, give the line of the "
+            "names with --header LINE"
         )
     return chosen
-
-
-def _unit(log: Log, name: str, column: str, mapping: LogMap) -> str:
-    """Return the unit of a signal from the options, the file, or the end of the column name."""
-    if stated := mapping.unit.get(name) or log.units.get(column):  # type: ignore[call-overload]
-        return spelt(stated, name)
-    if name == "angle" and mapping.counts:
-        return COUNTS
-    ending = ENDING.fullmatch(column)
-    unit = spelt(ending[1], name) if ending else ""
-    return unit if unit in UNITS[name] else ""

@@ -6,7 +6,6 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from statistics import mode
-from textwrap import shorten
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,7 +15,6 @@ from scipy.io import loadmat
 
 from flexaxis.experiments.logs.findings import LogError
 from flexaxis.experiments.logs.units import is_unit
-from flexaxis.sim.errors import did_you_mean
 
 Array = NDArray[np.float64]
 
@@ -41,26 +39,19 @@ class Log(NamedTuple):
     columns: Mapping[str, pd.Series[Any]]
     units: Mapping[str, str]
 
-    @property
-    def listed(self) -> str:
-        """The names of the columns for a message. A long list is shortened."""
-        return shorten(", ".join(self.columns), 600, placeholder=" …")
-
     def read(self, names: Sequence[str], rows: slice = slice(None)) -> dict[str, Array]:
         """Return the named columns (N,) as a dict. Missing values are NaN.
 
         Raises
         ------
         LogError
-            If a column does not exist or does not consist of numbers. The message only suggests
-            names with the same digits, so that it never suggests the column of another joint.
+            If a column does not exist or does not consist of numbers.
         """
         for name in names:
             if name not in self.columns:
-                digits = re.findall(r"\d+", name)
-                alike = [known for known in self.columns if re.findall(r"\d+", known) == digits]
-                hint = did_you_mean(name, alike)
-                raise LogError(f"there is no column {name!r}.{hint} The columns are {self.listed}")
+                raise LogError(
+                    f"there is no column {name!r}. The columns are {', '.join(self.columns)}"
+                )
         return {name: _numbers(name, self.columns[name][rows]) for name in names}
 
 
@@ -108,11 +99,12 @@ def _flattened(content: Mapping[str, Any], before: str = "") -> Iterator[tuple[s
     The elements of an array of structures are named after their field ``Name`` or ``label``. If
     these fields are missing, the elements are numbered.
     """
-    for name, item in content.items():
+    for name, value in content.items():
+        item: Any = value
         if name.startswith(("__", "#")):  # keys that scipy adds, and the content of MATLAB's cells
             continue
-        if isinstance(item, list):
-            parts = [part for part in item if isinstance(part, Mapping)]
+        if isinstance(value, list):
+            parts = [part for part in value if isinstance(part, Mapping)]
             item = {x.get("Name") or x.get("label") or f"{i}": x for i, x in enumerate(parts, 1)}
         if isinstance(item, Mapping):
             yield from _flattened(item, f"{before}{name}.")
@@ -126,22 +118,22 @@ def _flattened(content: Mapping[str, Any], before: str = "") -> Iterator[tuple[s
 
 
 def _csv(path: Path, start: bytes, header: int | None) -> Log:
-    """Open a text table with the separator and the decimal mark that give the most numbers."""
+    """Open a text table with the separator that gives the most numbers."""
     encoding = _encoding(start)
     lines = start.decode(encoding, "replace").splitlines()
     kept = [k for k, x in enumerate(lines) if x.strip() and not x.lstrip().startswith(COMMENTS)]
     part = [lines[k] for k in kept[:COMPARED]] or [""]
-    layouts = [(mark, point) for mark in (*";\t,|", None) for point in ".," if mark != point]
-    tried = [(*_tried(part, *layout), *layout) for layout in layouts]
-    share, width, row, separator, decimal = max(tried, key=lambda layout: layout[:2])
+    tried = [(*_tried(part, mark), mark) for mark in (*";\t,|", None)]
+    share, width, row, separator = max(tried, key=lambda layout: layout[:2])
     if share <= 0:
         raise LogError("is not a MAT file, an HDF5 file, or a CSV file with rows of numbers")
     first = kept[row]
-    head = _head(lines[:first], separator, width, header)
+    named = _cells(lines[header - 1], separator) if header else None
+    head = named or _head(lines[:first], separator, width)
     names, units = names_and_units([*head, *[""] * width][:width])
     table = pd.read_csv(
-        path, sep=separator or r"\s+", decimal=decimal, names=names, header=None,
-        skiprows=first, index_col=False, encoding=encoding, encoding_errors="replace",
+        path, sep=separator or r"\s+", names=names, header=None, skiprows=first,
+        index_col=False, encoding=encoding, encoding_errors="replace",
         skipinitialspace=True, na_values=MISSING, low_memory=False,
         comment=next((x[0] for x in lines if x.startswith(COMMENTS[:2])), None),
     )  # fmt: skip
@@ -164,15 +156,15 @@ def _cells(line: str, separator: str | None) -> list[str]:
     return [cell.strip(' "') for cell in line.split(separator)]
 
 
-def _tried(lines: Sequence[str], separator: str | None, decimal: str) -> tuple[float, int, int]:
-    """Return the score of a layout, its number of cells per row, and its first row of numbers.
+def _tried(lines: Sequence[str], separator: str | None) -> tuple[float, int, int]:
+    """Return the score of a separator, the number of cells per row, and the first row of numbers.
 
-    The score increases with the number of lines and cells that the layout converts to numbers.
+    The score increases with the number of lines and cells that this separator makes numbers.
     """
     cells = [_cells(line, separator) for line in lines]
     width = mode(map(len, cells))
     table = pd.DataFrame([(row + [""] * width)[:width] for row in cells])
-    points = table.replace(",", ".", regex=True) if decimal == "," else table
+    points = table.replace(",", ".", regex=True)
     numbers = points.apply(pd.to_numeric, errors="coerce").notna()
     numeric = numbers[len(numbers) // 2 :].mean() > 0.5  # the second half is below any header
     rows = (numbers | table.isin(MISSING)).loc[:, numeric].all(axis=1) & numbers.any(axis=1)
@@ -180,15 +172,13 @@ def _tried(lines: Sequence[str], separator: str | None, decimal: str) -> tuple[f
     return (2 * numeric.mean() - 1) * rows[first:].mean(), width, first
 
 
-def _head(lines: Sequence[str], separator: str | None, width: int, header: int | None) -> list[str]:
+def _head(lines: Sequence[str], separator: str | None, width: int) -> list[str]:
     """Return the names of the columns, each with its unit if a line of units follows the names.
 
     The names are in the last line above the rows of numbers, or in a comment, as in files that
     numpy writes. TwinCAT writes a block of lines in which a key precedes every signal. The first
     line of this block contains the names.
     """
-    if header is not None:
-        return _cells(lines[header - 1], separator)
     above = sorted(reversed(lines), key=lambda line: line.lstrip().startswith(COMMENTS))
     rows = [_cells(line.lstrip("#%/ "), separator) for line in above]
     block = [row for row in rows if len(row) >= width - 1 and any(row) and not any(row[width:])]

@@ -48,17 +48,16 @@ class Spectra(NamedTuple):
     coherence: Array
 
 
-def spectra(u: Array, y: Array, period: float, segments: int = 2) -> Spectra:
+def spectra(u: Array, y: Array, period: float) -> Spectra:
     """Compute averaged spectra of torque u (N,) and motion y (N,) by Welch's method.
 
-    A linear trend is removed from each segment. Each segment lasts `SEGMENT` seconds, or less if a
-    short record would have fewer than `segments` segments.
+    A linear trend is removed from each segment. Each segment lasts four seconds, or less if a short
+    record would have fewer than six segments.
     """
-    length = min(len(u) // segments, round(SEGMENT / period))
-    first, second = np.stack([u, y, u]), np.stack([u, y, y])
-    frequency, power = csd(first, second, fs=1 / period, nperseg=length, detrend="linear")
+    length = min(len(u) // SEGMENTS, round(SEGMENT / period))
+    frequency, power = csd([u, y, u], [u, y, y], fs=1 / period, nperseg=length, detrend="linear")
     torque, motion, cross = power[:, 1:]  # without the mean
-    coherence = abs(cross) ** 2 / np.maximum((torque * motion).real, 1e-300)
+    coherence = abs(cross) ** 2 / abs(torque * motion)
     return Spectra(2 * np.pi * frequency[1:], torque.real, cross / torque.real, coherence)
 
 
@@ -81,7 +80,7 @@ def measured_response(u: Array, y: Array, *, period: float, floor: float = 0.0) 
     LogError
         If the torque explains the output at fewer than ten frequencies.
     """
-    s = spectra(u, y, period, SEGMENTS)
+    s = spectra(u, y, period)
     power = np.sort(s.torque)[::-1]
     middle = power[np.searchsorted(np.cumsum(power), 0.5 * power.sum())]
     seen = (s.coherence > COHERENT) & (s.torque >= floor * middle)

@@ -63,10 +63,10 @@ ENDING = re.compile(
 """Column names whose ending, after an underscore, is recognised as a unit."""
 
 WORDS = {
-    "time": ("time", "zeit", "temps"),
-    "torque": ("torque", "drehmoment", "moment", "couple", "motorstrom", "strom", "courant"),
-    "angle": ("angle", "position", "motorwinkel", "winkel"),
-    "speed": ("speed", "velocity", "drehzahl", "geschwindigkeit", "vitesse"),
+    "time": "time zeit temps",
+    "torque": "torque drehmoment moment couple motorstrom strom courant",
+    "angle": "angle position motorwinkel winkel",
+    "speed": "speed velocity drehzahl geschwindigkeit vitesse",
 }
 """Recognised English, German and French column names, the preferred name first, in any case."""
 

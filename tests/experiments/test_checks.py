@@ -70,9 +70,10 @@ def test_columns_in_german_and_french(names, clean, tmp_path):
 def test_units_that_are_not_stated_are_named(clean, tmp_path):
     """An angle in degrees makes an inertia 57 times too small, and nothing else tells."""
     check = seen(imported(tmp_path, clean), "units")
-    assert check.kind == "note" and "--unit angle=rad" in check.command
+    assert check.kind == "note" and "the angle in rad, not in deg" in check.text
+    assert check.command == "--unit angle=UNIT"
     slow = {"time": 50 * clean["time"]}  # ms at 20 kHz?
-    assert seen(imported(tmp_path, clean | slow, STATED), "units").command == "--unit time=s"
+    assert seen(imported(tmp_path, clean | slow, STATED), "units").command == "--unit time=UNIT"
     speed = np.degrees(np.gradient(clean["angle"], T))
     with pytest.raises(LogError, match="--unit speed=deg/s"):
         imported(tmp_path, clean | {"speed": speed})
@@ -248,7 +249,7 @@ def test_stamps_coarser_than_the_sampling_need_the_rate(period, tick, clean, tmp
         (lambda t: np.r_[t[:500], t[499:]][: len(t)], "does not advance at 1 rows"),
         (
             lambda t: np.r_[t[:6000], t[:4000]],
-            "a new log begins there; select one with --rows 0:6000",
+            "If a new log begins there, select one log with --rows 0:6000",
         ),
     ],
 )

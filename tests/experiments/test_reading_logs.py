@@ -91,14 +91,11 @@ def test_units_of_the_header(head, units, tmp_path):
     assert tuple(log.units[name] for name in NAMES) == units
 
 
-def test_an_index_in_brackets_is_no_unit_and_no_other_joint_is_meant(tmp_path):
+def test_an_index_in_brackets_is_no_unit(tmp_path):
     log = written(tmp_path, table("time,tau[1],q[3]"))
     assert log.columns.keys() == {"time", "tau[1]", "q[3]"} and not log.units
-    with pytest.raises(LogError, match=r"no column 'tau\[3\]'.*The columns are") as raised:
+    with pytest.raises(LogError, match=r"no column 'tau\[3\]'. The columns are time, tau\[1\]"):
         pick(log, checked(LogMap, {"torque": "tau[3]", "angle": "q[3]"}, ""))
-    assert "mean 'tau[1]'" not in str(raised.value)
-    with pytest.raises(LogError, match=r"Did you mean 'tau\[1\]'"):
-        pick(log, checked(LogMap, {"torque": "taw[1]", "angle": "q[3]"}, ""))
 
 
 @pytest.mark.parametrize(
@@ -196,7 +193,7 @@ def test_a_column_of_texts_is_no_signal_but_does_no_harm(tmp_path):
     np.testing.assert_allclose(log.read(["angle"])["angle"], ANGLE, atol=1e-9)
     with pytest.raises(LogError, match="row 0, column state: 'RUN' is not a number"):
         log.read(["state"])
-    with pytest.raises(LogError, match=r"no column 'angel'.*Did you mean 'angle'"):
+    with pytest.raises(LogError, match=r"no column 'angel'. The columns are time, state"):
         pick(log, checked(LogMap, {"angle": "angel"}, ""))
 
 
