@@ -93,8 +93,8 @@ class Record:
     Raises
     ------
     RecordError
-        If a required array is missing, if an array has a wrong shape or a value that is not finite,
-        or if the sample times are not evenly spaced.
+        If a required array is missing, or if an array has a wrong shape or a value that is not
+        finite. The error also occurs if the sample times are not evenly spaced.
     """
 
     time: Array
@@ -290,7 +290,7 @@ def _check_array(record: Record, name: str, shape: tuple[int, ...]) -> None:
         where = "".join(f", {record.parameter_names[i]}" for i in index[1:])
         raise RecordError(
             f"{name} is {values[index]} at sample {index[0]}{where} ({bad.sum()} values are not "
-            "finite); mark missing samples with valid = False, and give them any finite value."
+            "finite). Mark missing samples with valid = False, and give them any finite value."
         )
 
 
@@ -304,6 +304,6 @@ def _check_grid(time: Array) -> None:
         k = int(np.argmax(uneven))
         raise RecordError(
             f"time is not evenly spaced: samples {k} and {k + 1} are {steps[k]:.6g} s apart, but "
-            f"most samples are {np.median(steps):.6g} s apart; resample the signals, or mark "
+            f"most samples are {np.median(steps):.6g} s apart. Resample the signals, or mark "
             "gaps with valid = False."
         )

@@ -94,9 +94,9 @@ class Scenario(Config):
         If `streams` is the `key` of another scenario, both scenarios have the same random numbers.
     feedback : {"clean", "measured"}
         Whether the controller reads the true motor angle or the measured motor angle.
-    delay, noise, encoder, controller, excitation, fault
-        Tables that define the sensors, the control loop, the reference and the faults.
-    filter, friction, lugre, cogging, backlash, stiffening, saturation, optional
+    delay, noise, encoder, controller, excitation, fault : Config
+        Tables of the sensors, the control loop, the reference and the faults.
+    filter, friction, lugre, cogging, backlash, stiffening, saturation : Config, optional
         Tables of sensor, gear and drive effects that the linear model does not describe.
     onset_spread : float, optional
         Largest random time shift of all faults and pauses [s]. The time shift depends on the seed

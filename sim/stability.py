@@ -1,8 +1,8 @@
 """Check the stability of the control loop with the nominal linear axis before a simulation.
 
-The stability check uses the equations of motion M q̈ + D q̇ + K q = k_T u, where the vector q
-contains the angles of the masses. The stability check includes the controller, the sampling period
-and the delays of a scenario.
+The equations of motion are M q̈ + D q̇ + K q = k_T u, and the vector q contains the angles of the
+masses. The stability check includes the controller, the sampling period and the delays of a
+scenario.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def loop_problem(
         return None
     return (
         f"the control loop with the nominal axis is unstable for Kv = {config.Kv:g} and a sampling "
-        f"period of {1000 * period:g} ms (a mode grows {growth:.6g}-fold per sample): lower "
+        f"period of {1000 * period:g} ms (a mode grows {growth:.6g}-fold per sample). Lower "
         "controller.Kv, or check controller.Kp, controller.Ki and the delays"
     )
 
@@ -62,8 +62,8 @@ def _radius(
     """Return the spectral radius of the closed loop, which is the largest growth factor per sample.
 
     The state of the closed loop consists of the states of the controller, the plant and the delays.
-    The function simulates one sample from each unit vector of this state to obtain the transition
-    matrix. The spectral radius is the largest absolute value of all eigenvalues of the transition
+    To obtain the transition matrix, the function simulates one sample from each unit vector of the
+    state. The spectral radius is the largest absolute value of all eigenvalues of the transition
     matrix.
     """
     if config.rate:

@@ -13,9 +13,9 @@ PERIOD = 0.005
 SHORTEST, LONGEST = 0.001, 0.01
 """Shortest and longest sampling period that a scenario can have [s].
 
-The shortest sampling period is equal to the simulation step of the physics engine. For a sampling
-period above 10 ms, half the sampling rate would be too close to the natural frequencies of the
-nominal axes (up to 24 Hz).
+The shortest sampling period is equal to the simulation step of the physics engine. With a sampling
+period above 10 ms, half the sampling rate would be too close to the natural frequencies of the axes
+(up to 24 Hz).
 """
 
 TICK = 0.001

@@ -54,8 +54,8 @@ def serve(
     Raises
     ------
     FlexaxisError
-        If viser or mjviser is missing, if the port is in use, if the lesson cannot be read, or if
-        the demo cannot run one of the estimators.
+        If viser or mjviser is missing, or if the port is in use. The error also occurs if the demo
+        cannot read the lesson or cannot run one of the estimators.
     """
     plan = load_lesson(lesson) if lesson else {"act": []}
     session = DemoSession(

@@ -105,7 +105,7 @@ class DemoSession:
 
         The arrays ``truth`` (M, 4) contain the true values at ``time`` (M,). The arrays ``theta``
         and ``deviation`` (M, 2, 4) contain the estimates and standard deviations of both
-        estimators. The last dimension of these arrays contains the parameters `SHOWN`. Missing
+        estimators. The last dimension of each array corresponds to the parameters `SHOWN`. Missing
         values are 0.
         """
         names = ("time", "truth", "theta", "deviation")

@@ -62,7 +62,7 @@ def std(runs: Runs) -> Array:
 
     The function computes the variance across all runs at each time, and averages this variance over
     the last 10 s. The variance of a single run over time would be too small for slow estimates,
-    such as the estimate of k_T with the Δ of equation (32).
+    such as k_T with covariance modification.
     """
     return np.sqrt(np.var(runs.theta[:, -LAST:], axis=0, ddof=1).mean(axis=0))
 

@@ -147,7 +147,7 @@ class Plant:
         ----------
         name : str
             Name of a parameter of a nonlinear effect. If several nonlinear effects have a parameter
-            with this name, only the parameter of the first effect changes.
+            of the same name, only the parameter of the first effect changes.
         values : float or ndarray (R,)
             New parameter value for all runs, or one new value per run.
         """

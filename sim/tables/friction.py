@@ -237,11 +237,10 @@ class GearFrictionConfig(_CompiledLaw):
                 + (f_s + |\mu_{es} \tau_g - \mu_{ms} u|) e^{-|v/v_s|^\alpha}] \tanh(v/v_0)
 
     In this equation, u is the motor torque and τ_g is the gear spring torque on the motor side. The
-    friction law is model M5 of Duclusaud et al., *Extended friction models for the physics
-    simulation of servo actuators*, arXiv:2410.08650, with tanh instead of the sign function. The
-    axis parameter f_m adds viscous friction. The motor torque and the gear torque have separate
-    coefficients. Therefore the friction depends on whether the motor drives the load or the load
-    drives the motor.
+    friction law is model M5 of Duclusaud et al. (arXiv:2410.08650), with tanh instead of the sign
+    function. The axis parameter f_m adds viscous friction. The motor torque and the gear torque
+    have separate coefficients. Therefore the friction depends on whether the motor drives the load
+    or the load drives the motor.
 
     Attributes
     ----------

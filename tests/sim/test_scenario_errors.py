@@ -105,7 +105,7 @@ CASES = [
      "multiple of 1 ms, not 2.5 ms", ""),
     ("period = 0.01\ncontroller.Kv = 0.5", "controller.Kv: the control loop with the "
      "nominal axis is unstable for Kv = 0.5 and a sampling period of 10",
-     "lower controller.Kv, or check controller.Kp, controller.Ki and the delays"),
+     "Lower controller.Kv, or check controller.Kp, controller.Ki and the delays"),
     ("delay.torque = 0.0015", "delay.torque: the delay must be a multiple of 0.001 s, not", ""),
     ("controller.log = 'mean'", "controller.log: the key needs an inner control loop: set ", ""),
     ("feedback = 'measured'\ncontroller.rate = 1000", "controller.rate: an inner loop reads the "
