@@ -208,7 +208,7 @@ def _settings(study: Study) -> dict[str, tuple[Setting, ...]]:
 
 @contextmanager
 def _named(study: Study, axes: Point) -> Iterator[None]:
-    """Add the name of the study and the swept values to the message of an error."""
+    """Add the name of the study and the swept values to an error message."""
     try:
         yield
     except (ScenarioError, EstimatorError) as error:

@@ -102,7 +102,7 @@ def reported(
     period : float
         Sampling period [s].
     refusing : bool
-        Whether to raise an `EstimatorError` unchanged.
+        Whether to pass on an `EstimatorError` without changes.
 
     Raises
     ------
@@ -134,7 +134,7 @@ def describe(error: BaseException) -> str:
 
 
 def user_line(error: BaseException) -> str:
-    """Return the last location of user code in a traceback, ``file.py:12``, or an empty text."""
+    """Return the last line of user code in a traceback (as ``file.py:12``), or an empty string."""
     frames = traceback.extract_tb(error.__traceback__)
     return next((f"{f.filename}:{f.lineno}" for f in frames[::-1] if _is_users(f.filename)), "")
 
@@ -179,7 +179,7 @@ def why_it_ended(log: str, seconds: float) -> str:
     """Return the reason why a worker process died, based on the log file from `ended_after`."""
     if not (Path(log).exists() and Path(log).read_text(errors="replace")):
         return (
-            "its process died, because the code exited, memory was full, or the process was killed"
+            "its process died, because the code exited, memory ran out, or the process was killed"
         )
     return (
         f"TimeoutError: not finished within {seconds:g} s. If the estimator needs more time, "

@@ -1,4 +1,4 @@
-"""Compute how much of the tracking error due to a fault a controller avoids by using estimates."""
+"""Compute the tracking error that a controller avoids by using estimates after a fault."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -14,7 +14,7 @@ from flexaxis.sim.simulate import tracked
 Array = NDArray[np.float64]
 
 COSTS = 0.2
-"""Smallest relative increase of the tracking error due to a fault for which a score is defined."""
+"""The score is undefined if a fault increases the tracking error by less than this fraction."""
 
 PARTS: Mapping[str, str] = {
     "without_fault": "rad", "frozen": "rad", "told": "rad", "estimated": "rad", "limited": ""
@@ -23,12 +23,12 @@ PARTS: Mapping[str, str] = {
 
 
 def recovered_of(track: Track, i: int) -> float | None:
-    """Return the percentage of the tracking error due to a fault that estimates avoid."""
+    """Return the reduction [%] of the tracking error due to a fault by using estimates."""
     return recovered(track.tracking, "estimated")
 
 
 def recovered_told_of(track: Track, i: int) -> float | None:
-    """Return the percentage of the tracking error due to a fault that true parameters avoid."""
+    """Return the reduction [%] of the tracking error due to a fault by using true parameters."""
     return recovered(track.tracking, "told")
 
 

@@ -58,14 +58,15 @@ class Score:
         Largest relative change of the score that `compare` considers negligible. By default,
         `compare` ignores scores without a margin.
     zero : float
-        Lower limit of the score in ratios [unit of the score]. Before the command `compare`
-        computes ratios, it replaces smaller scores by `zero`.
+        Lower limit of the score in ratios [unit of the score]. The command `compare` replaces
+        smaller scores by `zero` before ratios are computed.
     guard : bool
-        Whether the score can be negative. For a negative score, ratios have no meaning, so
-        `compare` uses differences between absolute means, divided by the noise. The command reports
-        only an increase of the score.
+        Whether the score can be negative. Ratios of negative scores have no meaning, so `compare`
+        uses differences between absolute means, divided by the noise. The command reports only an
+        increase of the score.
     shared : bool
-        Whether the score is the same for all parameters of a run. A shared score is computed once.
+        Whether the score is the same for all parameters of a run. A shared score is computed only
+        once per run.
     """
 
     name: str
@@ -85,7 +86,7 @@ class Score:
 
     @property
     def compared(self) -> bool:
-        """Whether `compare` can use the score, as a guard or as a number that should be small."""
+        """Whether `compare` can use the score (a guard, or a number that should be small)."""
         return self.guard or (self.better == "less" and self.kind == "number")
 
 
@@ -225,7 +226,7 @@ SCORES: Mapping[str, Score] = {
             "never_settled",
             scores.never_settled_of,
             "Number of runs with an error of more than ±10 % of the size of the fault at the end "
-            "of the window. Diverged runs do not count.",
+            "of the window. Diverged runs are not counted.",
             better="less",
             pool=pooling.count_kept,
             heading="never settled",
@@ -240,8 +241,8 @@ SCORES: Mapping[str, Score] = {
             "score",
             bounds.score_of,
             "Lag on a logarithmic scale, from 0 for an estimator with constant estimates to 100 "
-            "at the Cramér–Rao bound `lag_bound`. The score is defined for step changes on an "
-            "axis that a model describes.",
+            "at the Cramér–Rao bound `lag_bound`. The score is defined for step changes of "
+            "parameters if a model describes the axis.",
             unit="",
             better="more",
             pool=pooling.mean,
