@@ -31,7 +31,7 @@ AXIS = ("fm_step", "fm_double", "ja_step", "kt_step", "two_faults", "encoder_fm_
 RUNS = {
     "axis": (AXIS, ("glr", "imm", "ekf", f"{HERE / 'examples/ukf.py'}:Ukf", "cusum-reset",
                     "rpem-forgetting")),
-    "drives": ("drives", ("glr", "glr[gear=true]", "ekf", "rpem-forgetting")),
+    "drives": ("drives", ("glr", "imm", "ekf", "rpem-forgetting")),
 }  # fmt: skip
 """Scenarios and estimators of each table in docs/results.md."""
 KEPT = ["table", "scenario", "estimator", "parameter", "changed", "runs", "lag", "lag_bound",

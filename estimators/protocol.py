@@ -65,7 +65,8 @@ class Finding:
         Names of the changed parameters, or an empty tuple if the estimator cannot attribute the
         change to a parameter.
     ratio : tuple of float
-        For each changed parameter, the new value divided by the old value.
+        For each changed parameter, the new value divided by the old value. The ratio is NaN if the
+        old value does not differ clearly from zero.
     reason : str
         Reason why ``parameters`` is empty, or an empty string if ``parameters`` is not empty.
     interval : tuple of (float, float)

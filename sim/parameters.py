@@ -81,11 +81,17 @@ PARAMETER_UNITS = {
 DEFAULT_IDENTIFY = ("k_T", "1/J_a", "f_m")
 """Names of the parameters that are estimated in the paper and by default."""
 
-DATA_SHEET = {"poles": "1", "torque_limit": "N m", "noise": "unit of the output"}
+DATA_SHEET = {
+    "poles": "1",
+    "torque_limit": "N m",
+    "noise": "unit of the output",
+    "gear_friction": "1",
+}
 """Units of other data-sheet values, keyed by name.
 
 The value `poles` is the number of cogging periods per motor revolution. The value `torque_limit` is
 the torque limit of the drive. The value `noise` is the standard deviation of the measurement noise.
+The value `gear_friction` is 1 if the friction grows with the load of the gear.
 """
 
 MAY_BE_ZERO = frozenset(name for name in PARAMETER_UNITS if name[0] in "df")

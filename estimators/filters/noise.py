@@ -37,8 +37,7 @@ SMOOTH = 0.25  # limit of the ratio of squared differences to squares, which is 
 # noise. A smaller ratio means that the model is wrong, and R is learnt more slowly
 SLOWER = 10.0  # factor by which the memory of R is longer if the ratio is below SMOOTH
 ODD = 100.0  # standard deviations: a sample that differs from both ŷ and the previous sample by
-# more is skipped, because noise is never that large. A fault persists, and its residuals are
-# clipped to this limit
+# more is skipped, because noise is never that large. A fault persists, and its residuals are used
 WILD = 8.0  # the same limit after the first isolated outlier. Normal noise exceeds this limit once
 # in 1e15 samples. Applied from the start, this limit would skip the first sample of a large fault
 ROW = 2  # largest number of consecutive samples that are skipped; a fault lasts longer
@@ -108,7 +107,6 @@ def judge(state, y, valid, prediction, spread):
     if _is_wild(state, e, sd, judged):
         state["run"] = 0.0
         return np.nan
-    e = min(max(e, -ODD * sd), ODD * sd)
     rough = _roughness(state["past"], e)
     state["run"] += 1.0
     moves = fresh if state["rests"] > 0.0 else prediction**2 > MOVING**2 * noise

@@ -31,7 +31,8 @@ NEAR = 0.3  # standard deviations, Gauss–Newton step below which no further st
 AGAIN = 5  # an undecided comparison is repeated after 1/AGAIN of the time since the onset
 REVIEWS = (0.15, 0.3, 0.6, 1.0)  # times of the reviews, relative to the time until a name is final
 HOPELESS = ALARM + LEAD  # nats behind the accepted candidate at which a candidate is dropped
-LEAST = 0.02  # smallest relative change that is reported; a smaller one only corrects the estimate
+LEAST = 0.02  # smallest change that is reported, relative to the value of the parameter or to its
+# scale, whichever is greater; a smaller change only corrects the estimate
 FIELDS = ("J", "d", "size", "precision", "prior")  # arrays of the bank with a value per hypothesis
 Z95 = 1.96  # half width of a 95 % interval in standard deviations
 
@@ -91,8 +92,9 @@ class _Candidate:
 
     @property
     def before(self) -> float:
-        """Value of the jumping parameter at the onset, before the jump."""
-        return float(self.xi[self.index]) or 1e-12
+        """Value of the parameter before the jump; NaN if it does not differ clearly from zero."""
+        value, variance = float(self.xi[self.index]), float(self.P[self.index, self.index])
+        return value if value**2 > Z95**2 * variance else np.nan
 
 
 class Comparison:
@@ -301,8 +303,8 @@ class Comparison:
 
     def _tell(self, chosen: _Candidate) -> bool:
         """Store the detected jump, and return whether the jump is large enough to be reported."""
-        before = chosen.before
-        if abs(chosen.size) < LEAST * abs(before):
+        before, usual = chosen.before, max(abs(float(chosen.xi[chosen.index])), 1.0)
+        if abs(chosen.size) < LEAST * usual:
             if chosen.instead:  # the replaced jump did not happen
                 self.findings[-1:] = []
             return False

@@ -25,9 +25,8 @@ def joint_ekf(design: Design, **torque_noise: float) -> CompiledFilter:
     filter, which is analysed in *Asymptotic behavior of the extended Kalman filter as a parameter
     estimator for linear systems* (Ljung, 1979). Unlike the prediction-error method, the Kalman
     filter also corrects the state with each measurement. The filter limits the variance of θ_i to
-    θ_i(0)² by scaling a row and a column of P. The filter skips an isolated outlier that exceeds
-    100 standard deviations. If several successive innovations exceed 100 standard deviations, the
-    filter clips these innovations to 100 standard deviations.
+    θ_i(0)² by scaling a row and a column of P. The filter skips at most two successive innovations
+    of more than 100 standard deviations.
 
     P is the covariance of the estimation error if θ is a random walk with the covariance W. If θ is
     constant and adaptation is slow, the actual error variance is half of P. After a jump of θ, P is

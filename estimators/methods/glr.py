@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexaxis.estimators.filters.constrained import told_arrays
-from flexaxis.estimators.filters.design import Design, above_zero, flag, make_design
+from flexaxis.estimators.filters.design import Design, above_zero, make_design
 from flexaxis.estimators.filters.joint import joint_arrays
 from flexaxis.estimators.glr.cogging import FASTEST
 from flexaxis.estimators.glr.filter import Glr
@@ -56,7 +56,6 @@ def glr(
     deviations: Mapping[str, float] | None = None,
     walk: float = WALK,
     spread: float = SPREAD,
-    gear: bool = False,
     commissioning: float | None = None,
 ) -> Glr:
     """
@@ -70,8 +69,9 @@ def glr(
     problem : Problem
         Estimation problem with nominal values or a model with its own friction and spring laws. The
         nominal values should include ``poles``, ``torque_limit`` and ``noise`` if the data sheet
-        states them. The torque of the problem determines the prior magnitudes of friction and
-        backlash. The filter computes P(0) from the prior of each parameter.
+        states them, and ``gear_friction`` = 1 if friction grows with the gear load. The torque of
+        the problem determines the prior magnitudes of friction and backlash. The filter computes
+        P(0) from the prior of each parameter.
     learn : "auto", "none" or sequence of str
         Parameters that the filter learns only once. The hypothesis bank also tests jumps of the
         springs, dampers and motor inertia that are learnt once. The setting "auto" learns all
@@ -87,10 +87,6 @@ def glr(
         parameter scale. For friction parameters, the standard deviation is 4.5 times larger.
     spread : float
         Initial standard deviation of the tracked parameters, relative to the parameter values.
-    gear : bool
-        Whether the model contains friction that increases with the gear load, as in a servo drive.
-        The option ``gear`` has no effect on a model with its own friction laws. The option also has
-        no effect if bristle parameters are given or tracked.
     commissioning : float, optional
         Duration of motion that the initialisation needs [s]; ten axis time scales by default.
 
@@ -102,10 +98,7 @@ def glr(
     nominal, period = problem.nominal, problem.period
     above_zero("walk", walk, "the relative random walk after one second")
     above_zero("spread", spread, "the relative standard deviation of θ(0)")
-    asked = {*problem.identify, *np.ravel(track)}  # the names are checked later
-    bristles = {"sigma_0", "sigma_1"} & {*told_of(nominal), *asked}
-    geared = flag("gear", gear) and not bristles
-    model = with_laws(nominal, torque=problem.torque, period=period, geared=geared)
+    model = with_laws(nominal, torque=problem.torque, period=period)
     inverses = (f"1/{p}" for p in model.parameters if p not in model.law_parameters)
     track = names_of("track", track, (*model.parameters, *inverses, *TRACKED))
     tracked = (*problem.identify, *(n for n in track if is_left(model, n, problem.identify)))

@@ -229,7 +229,6 @@ def with_laws(
     *,
     torque: ArrayLike | None = None,
     period: float,
-    geared: bool = False,
 ) -> Model:
     """
     Return a model of a real axis with nonlinear torques and prior values of all unknowns.
@@ -238,14 +237,13 @@ def with_laws(
     ----------
     nominal : mapping of str to float, or Model
         Nominal values as in `flexaxis.estimators.models.axes.real_axis`, but torque law parameters
-        are optional. If ``nominal`` is a model, the function returns this model unchanged.
+        are optional. The key ``gear_friction`` selects the friction law that depends on the gear
+        load. If ``nominal`` is a model, the function returns this model unchanged.
     torque : (N,) array_like, optional
         Recorded torque [N m], from which the function computes the magnitudes of friction and
         backlash. By default, the function uses the magnitudes of the nominal axis.
     period : float
         Sampling period [s].
-    geared : bool
-        Whether friction increases with the gear load even if ``nominal`` does not contain mu_m.
 
     Raises
     ------
@@ -257,7 +255,7 @@ def with_laws(
     missing = {"f_c": 0.0, "f_s": 0.0, "v_s": 0.0, "sigma_0": 1.0, "sigma_1": 0.0, "v_0": 0.0}
     missing |= {"kappa": 0.0, "gap": 0.0}
     missing |= {"c_sin": 0.0, "c_cos": 0.0} if "poles" in nominal else {}
-    if geared or "mu_m" in nominal:
+    if {"gear_friction", "mu_m"} & nominal.keys():
         missing |= dict.fromkeys(("mu_m", "mu_e", "mu_ms", "mu_es"), 0.0)
         missing |= dict.fromkeys(("v_s", "sharpness", "v_0"), 1.0)
     empty = real_axis(missing | dict(nominal))

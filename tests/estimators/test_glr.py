@@ -197,7 +197,7 @@ def test_no_cogging_is_found_where_there_is_none(scenario):
 def test_a_drive_has_the_friction_of_its_gear(name):
     """Without it the torque constant is off by 30 and 5 %, the inertia of the arm by 11 and 9 %."""
     scenario = find_scenario(name)
-    made, record = build(parse("glr[gear=true]"), scenario), simulate(scenario, [0])[0]
+    made, record = build(parse("glr"), scenario), simulate(scenario, [0])[0]
     theta = made.run(record.torque[:1900], getattr(record, made.output)[:1900])
     assert "mu_m" in made.learnt and "sigma_0" not in made.learnt
     assert theta[1000:, 0].mean() == pytest.approx(scenario.nominal.k_T, rel=0.01)
