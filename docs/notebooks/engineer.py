@@ -103,7 +103,7 @@ fit = result.result
 print(result.page.finding.text)
 
 # %%
-table = pd.DataFrame({"estimate": fit.theta, "sd": fit.deviations}, index=fit.names)
+table = fit.estimates.T[:-2].rename(columns={"value": "estimate"})
 table["sd [%]"] = 100 * table["sd"] / table["estimate"]
 table["data sheet off by [%]"] = 100 * (pd.Series(data_sheet.model.nominal) / table["estimate"] - 1)
 table.style.set_uuid("axis").format(

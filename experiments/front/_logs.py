@@ -181,7 +181,7 @@ def identify(
     result = fitted(record, axis, fix=tuple(fix), levels=laws, **options)
     other = None if validate is None else validated(_read(validate, columns).record, result.axis)
     title = f"{result.axis.model.name} from {record.versions.get('log', 'a record')}"
-    page = pages.identification_page(result, record.period, other, title)
+    page = pages.identification_page(result, other, title)
     content = pages.content(result, page.remarks)
     return LogResult(
         result, page, content, page.table, result.axis.save,

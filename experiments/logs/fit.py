@@ -38,22 +38,46 @@ SEARCHING: Mapping[str, Any] = {"most": 12, "near": 0.5}  # options of a fit wit
 
 
 @dataclass(frozen=True)
-class Candidate:
-    """A model of a log, and its fit to the samples that are not held out.
+class Fit:
+    """A model that is fitted to a log, and the simulation of this log from the torque alone.
 
     Attributes
     ----------
     setup : Setup
         Model and log.
     fitted : Fitted
-        Fit to the samples that are not held out.
-    held : ndarray (N,) of bool
-        Samples that are held out.
+        Estimates of the unknowns, and the simulation error.
     """
 
     setup: Setup
     fitted: Fitted
-    held: Flags
+
+    @property
+    def found(self) -> Setup:
+        """The setup with the estimates as nominal values."""
+        z, setup = self.fitted.z.tolist(), self.setup
+        values = dict(zip(setup.names, z, strict=False))
+        return replace(setup.having(values), delay=z[-1])
+
+    @property
+    def simulated(self) -> Array:
+        """Output (N,) that is simulated from the torque alone [rad/s]."""
+        return self.setup.log.y - self.fitted.residual
+
+    @property
+    def size(self) -> float:
+        """Standard deviation of the measured output [rad/s]."""
+        return float(np.std(self.setup.log.y[self.setup.ok]))
+
+    @property
+    def left(self) -> float:
+        """Standard deviation of the simulation error [rad/s]."""
+        return float(np.std(self.fitted.residual[self.setup.ok]))
+
+    @property
+    def percent(self) -> float:
+        """Fit 100 (1 − |y − ŷ|/|y − mean y|) [%] of the simulation ŷ to the output y."""
+        return 100 * (1 - self.left / max(self.size, 1e-300))
 
     @property
     def error(self) -> float:
@@ -63,21 +87,24 @@ class Candidate:
     @cached_property
     def errors(self) -> Array:
         """Mean squared simulation error in each part of the held-out samples."""
-        places = np.flatnonzero(self.held & self.setup.ok)
+        places = np.flatnonzero(self.setup.ok & ~self.fitted.problem.ok)
         number = len(HELD_OUT) * PARTS
         if len(places) < number or not np.isfinite(self.fitted.square):
             return np.full(1, np.inf)
         parts = np.array_split(self.fitted.residual[places] ** 2, number)
         return np.array([np.mean(part) for part in parts])
 
+    @property
+    def noise(self) -> float:
+        """Standard deviation of the noise in the simulation error [rad/s]."""
+        return max(noise_of(self.fitted.residual[self.setup.ok]), self.setup.log.rounding)
+
     @cached_property
     def lacks(self) -> bool:
         """Whether the simulation error exceeds the noise, so that the model is incomplete."""
-        ok, log = self.setup.ok, self.setup.log
-        noise = max(noise_of(self.fitted.residual[ok]), log.rounding)
-        return bool(self.error > max(RIGHT * noise, NOTHING * float(np.std(log.y[ok]))))
+        return bool(self.error > max(RIGHT * self.noise, NOTHING * self.size))
 
-    def better(self, other: Candidate) -> bool:
+    def better(self, other: Fit) -> bool:
         """Return whether the error of `other` is significantly smaller, and by at least 1 %."""
         before, after = self.errors, other.errors
         if not np.isfinite(before).all() or not np.isfinite(after).all():
@@ -106,14 +133,32 @@ class Candidate:
 
     @cached_property
     def deviations(self) -> Array:
-        """Standard deviations (q,) of the unknowns."""
-        return deviations_of(self.setup, self.fitted)
+        """Standard deviations (q,) of the unknowns.
+
+        The variance for white residuals is increased by the additional scatter of the estimates
+        over pieces of the log. The pieces are intervals of time, of speed and of angle. Intervals
+        of time are not enough, because the errors of a friction law depend on speed and angle, and
+        their mean over a whole motion is small. The standard deviations also include the numerical
+        errors of the arithmetic, of incomplete convergence, and of laws that are solved in steps.
+        """
+        fitted, log = self.fitted, self.setup.log
+        white = np.diag(fitted.covariance)
+        free, variance = white > 0, white.copy()
+        # intervals of the measured speed would sort the samples by their noise, too
+        for key in (None, abs(self.simulated), log.angle):
+            scatter = jackknife(fitted.gradient[free], fitted.white, fitted.good, key)
+            variance[free] += np.maximum(scatter**2 - white[free], 0.0)
+        exact = np.full(len(white), EXACT)
+        if fitted.problem.trajectory.in_steps:
+            laws = self.setup.model.law_parameters
+            exact[[i for i, name in enumerate(self.setup.names) if name in laws]] = STEPS
+        off = np.maximum(abs(fitted.step()), exact * abs(fitted.z))
+        return np.sqrt(variance + (off * free) ** 2)
 
 
-def candidate(setup: Setup, theta: Array, lag: float) -> Candidate:
-    """Fit a setup without the held-out samples, starting at `theta` and the delay `lag` [s]."""
-    held = held_out(setup)
-    return Candidate(setup, setup.solve(theta, lag, without=held, **SEARCHING), held)
+def candidate(setup: Setup) -> Fit:
+    """Fit a setup without the held-out samples."""
+    return Fit(setup, setup.solve(without=held_out(setup), **SEARCHING))
 
 
 def held_out(setup: Setup) -> Flags:
@@ -127,7 +172,7 @@ def held_out(setup: Setup) -> Flags:
     return held
 
 
-def answer(best: Candidate) -> Candidate:
+def answer(best: Fit) -> Fit:
     """Fit the model of the best candidate to the whole log.
 
     If the model is adequate, the fit minimises whitened errors. If the model is incomplete, the fit
@@ -135,30 +180,7 @@ def answer(best: Candidate) -> Candidate:
     repeated with whitened errors.
     """
     for rounds in (0, ROUNDS) if best.lacks else (ROUNDS,):
-        result = replace(best, fitted=best.setup.solve(best.fitted.z, rounds=rounds))
+        result = Fit(best.setup, best.setup.solve(best.fitted.z, rounds=rounds))
         if not result.stuck:
             break
     return result
-
-
-def deviations_of(setup: Setup, fitted: Fitted) -> Array:
-    """Return the standard deviations (q,) of the unknowns of a fit.
-
-    The variance for white residuals is increased by the additional scatter of the estimates over
-    pieces of the log. The pieces are intervals of time, of speed and of angle. Intervals of time
-    are not enough, because the errors of a friction law depend on speed and angle, and their mean
-    over a whole motion is small. Finally, the function adds the numerical errors of the arithmetic,
-    of incomplete convergence, and of laws that are solved in steps.
-    """
-    white = np.diag(fitted.covariance)
-    free, log, variance = white > 0, setup.log, white.copy()
-    # intervals of the measured speed would sort the samples by their noise, too
-    speed = abs(log.y - fitted.residual)
-    for key in (None, speed, log.angle):
-        scatter = jackknife(fitted.gradient[free], fitted.white, fitted.good, key)
-        variance[free] += np.maximum(scatter**2 - white[free], 0.0)
-    off = np.maximum(abs(fitted.step()), EXACT * abs(fitted.z))
-    if fitted.problem.trajectory.in_steps:
-        lawful = [i for i, n in enumerate(setup.names) if n in setup.model.law_parameters]
-        off[lawful] = np.maximum(off[lawful], STEPS * abs(fitted.z[lawful]))
-    return np.sqrt(variance + (off * free) ** 2)

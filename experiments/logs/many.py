@@ -15,7 +15,7 @@ from flexaxis.estimators.offline.prediction_error import ROUNDS
 from flexaxis.experiments.logs.axis_file import Axis
 from flexaxis.experiments.logs.changes import Explained, clause, explain
 from flexaxis.experiments.logs.findings import Finding, LogError
-from flexaxis.experiments.logs.fit import deviations_of
+from flexaxis.experiments.logs.fit import Fit
 from flexaxis.experiments.logs.identify import free_names, identify
 from flexaxis.experiments.logs.importing import import_log
 from flexaxis.experiments.logs.read import open_log
@@ -112,9 +112,9 @@ def identify_many(
             free = free or [n for n in nominal if known.get(n, np.inf) < SEEN * abs(nominal[n])]
             names = free_names(axis, free, ())
             setup = Setup(log_of(record, axis), axis.model, names, delay=axis.delay)
-            fitted = setup.solve(rounds=ROUNDS)
-            row = dict(zip(names, fitted.z.tolist(), strict=False))
-            sds = deviations_of(setup, fitted).tolist()
+            fit = Fit(setup, setup.solve(rounds=ROUNDS))
+            row = dict(zip(names, fit.fitted.z.tolist(), strict=False))
+            sds = fit.deviations.tolist()
             row |= {f"{name}_sd": sd for name, sd in zip(names, sds, strict=False)}
             if covariates:
                 columns = open_log(path, tables.get("header")).read(covariates)

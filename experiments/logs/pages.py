@@ -16,12 +16,13 @@ from numpy.typing import NDArray
 from flexaxis.experiments.files import write_text
 from flexaxis.experiments.logs.axis_file import output_of, usable
 from flexaxis.experiments.logs.findings import MARKS, Finding, ordered, texts_of
+from flexaxis.experiments.logs.fit import Fit
 from flexaxis.experiments.logs.identify import Identification
 from flexaxis.experiments.logs.importing import Imported
 from flexaxis.experiments.logs.many import Many
 from flexaxis.experiments.logs.signals import gaps_of, liveliest
 from flexaxis.experiments.logs.track import Tracked
-from flexaxis.experiments.logs.verdict import Validation
+from flexaxis.experiments.logs.verdict import correlation, unlike
 from flexaxis.experiments.reporting import page
 from flexaxis.experiments.reporting.figures import Series, curves
 from flexaxis.experiments.running.progress import LINE
@@ -111,44 +112,40 @@ def import_page(result: Imported, log: str) -> LogPage:
     return LogPage(f"Import of {log}", finding, checks, [chart])
 
 
-def identification_page(
-    result: Identification, period: float, other: Validation | None, title: str
-) -> LogPage:
+def identification_page(result: Identification, other: Fit | None, title: str) -> LogPage:
     """Return the page of an identification, with the simulation of another log if available."""
     findings = findings_of(result, other)
     problems = texts_of(findings, "problem")
     text = f"A simulation from the torque alone explains {result.fit:.1f} % of held-out pieces."
     text += f" The estimates cannot be used: {problems[0]}." if problems else ""
-    y = result.answer.setup.log.y
-    time = period * np.arange(float(len(y)))
-    charts = [_compared("Simulation from the torque", time, y, y - result.answer.fitted.residual)]
+    charts = [_compared("Simulation from the torque", result.answer)]
     if other is not None:
-        title_of = "Simulation of the other log"
-        charts.append(_compared(title_of, other.time, other.measured, other.simulated))
-    table = pd.DataFrame(result.estimates, ["value", "sd"]).T
-    return LogPage(title, Finding("problem" if problems else "ok", text), findings, charts, table)
+        charts.append(_compared("Simulation of the other log", other))
+    finding = Finding("problem" if problems else "ok", text)
+    return LogPage(title, finding, findings, charts, result.estimates.T)
 
 
-def findings_of(result: Identification, other: Validation | None) -> list[Finding]:
+def findings_of(result: Identification, other: Fit | None) -> list[Finding]:
     """Return the findings on the identification and the other log, the most severe first."""
+    fit, problems = result.answer, list[Finding]()
+    white = fit.fitted.white[fit.fitted.good]
     texts = [
         f"units: {result.units}",
         f"law of dry friction: {result.friction}",
-        f"a simulation explains {result.whole.percent:.1f} % of the whole log",
-        f"largest autocorrelation of the whitened residuals: {result.correlation:.3f}",
+        f"a simulation explains {fit.percent:.1f} % of the whole log",
+        f"largest autocorrelation of the whitened residuals: {correlation(white):.3f}",
     ]
-    problems = []
     if other is not None:
-        texts.append(f"a simulation explains {other.fit.percent:.1f} % of the other log")
-        if other.unlike:
-            problems.append(Finding("problem", f"on the other log, {other.unlike}"))
+        texts.append(f"a simulation explains {other.percent:.1f} % of the other log")
+        if text := unlike(other, result.axis.usual):
+            problems.append(Finding("problem", f"on the other log, {text}"))
     return ordered([*problems, *result.findings, *(Finding("info", text) for text in texts)])
 
 
 def content(result: Identification, findings: Sequence[Finding]) -> dict[str, Any]:
     """Return the content of the JSON file of an identification."""
     return {
-        "estimates": {n: {"value": value, "sd": sd} for n, (value, sd) in result.estimates.items()},
+        "estimates": result.estimates.to_dict(),
         "units": result.units,
         "fit": result.fit,
         "friction": result.friction,
@@ -157,13 +154,15 @@ def content(result: Identification, findings: Sequence[Finding]) -> dict[str, An
     }
 
 
-def _compared(title: str, time: Array, y: Array, simulated: Array) -> Chart:
+def _compared(title: str, fit: Fit) -> Chart:
     """Return a figure of the part of a log with the most motion, its simulation, and the error."""
-    piece = liveliest(y, PIECE)
-    t, y, simulated = time[piece], y[piece], simulated[piece]
+    log = fit.setup.log
+    piece = liveliest(log.y, PIECE)
+    t = log.period * np.arange(piece.start, piece.stop)
+    y, error = log.y[piece], fit.fitted.residual[piece]
     panels = {
-        "speed [rad/s]": [_line(t, y, "log"), _line(t, simulated, "simulation", "truth")],
-        "error [rad/s]": [_line(t, y - simulated, "error")],
+        "speed [rad/s]": [_line(t, y, "log"), _line(t, y - error, "simulation", "truth")],
+        "error [rad/s]": [_line(t, error, "error")],
     }
     return Chart(title, "The part of the log with the most motion.", panels, TIMED)
 

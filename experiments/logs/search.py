@@ -9,16 +9,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import cached_property
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexaxis.estimators.models.axes import BRISTLES, STATIC
+from flexaxis.estimators.models.laws import Law
 from flexaxis.estimators.offline.prediction_error import inverse_of
 from flexaxis.experiments.logs.findings import LogError
-from flexaxis.experiments.logs.fit import SURE, Candidate, candidate
+from flexaxis.experiments.logs.fit import SURE, Fit, candidate
 from flexaxis.experiments.logs.setup import Setup
 from flexaxis.experiments.logs.signals import columns_beside
 from flexaxis.experiments.logs.spectra import (
@@ -29,13 +27,12 @@ from flexaxis.experiments.logs.spectra import (
     rough_guess,
 )
 
-Array = NDArray[np.float64]
-
-FRICTION: Mapping[str, Mapping[str, str]] = {
-    "coulomb": {"coulomb": "f_c"},
-    "stribeck": {"coulomb": "f_c", "breakaway": "f_s", "alpha": "alpha", "beta": "beta"},
+FRICTION: Mapping[str, Law] = {
+    "coulomb": replace(BRISTLES, parameters={"coulomb": "f_c", "stiffness": 1.0}),
+    "stribeck": STATIC,
 }
-"""Laws of dry friction of the motor, with the name of the parameter for each role in the law."""
+"""Laws of dry friction of the motor. The stiffness of the bristles depends on the log."""
+REACH = 1e3  # factor between the initial value and both bounds of a parameter of a linear model
 STIFF = 100.0  # natural frequency of the bristles that represent Coulomb friction [rad per sample]
 LEVELS = 0.01, 0.07  # initial values of f_c, relative to its upper bound
 LAWFUL = {
@@ -50,8 +47,6 @@ TURN = 0.5  # minimum range of the load angle [rad], below which gravity is near
 EARLY = 4.0  # maximum time by which a torque may act before it is logged [samples]
 ENOUGH, STEPS, NEAR = 4000, 6, 0.5  # samples, steps and accuracy of a fit that tests initial values
 RUNGS, FASTEST = 6, 1.0  # number of resonances that are tried, and the highest [rad per sample]
-
-Place = tuple[Array, float]
 
 
 @dataclass(frozen=True)
@@ -105,26 +100,48 @@ class Search:
     fix: tuple[str, ...] = ()
     tried: list[Tried] = field(default_factory=list)
 
-    def result(self) -> Candidate:
+    def result(self) -> Fit:
         """Return the fit of the best model, among the models that the options allow."""
-        if not self.known:
-            guess = rough_guess(self.setup.model, self._seen) if self._seen else self._rigid
-            self.setup = self.setup.having({n: guess[n] for n in self.setup.names if n in guess})
-        best = self._falling(self._explored(self.setup, self._first_places()))
-        return self._early(self._rubbed(best))
+        setups = [self.setup] if self.known else self._guesses()
+        laws = self.setup.model.law_parameters
+        box = {
+            name: (0.0, np.inf) if name in laws else tuple(sorted((start / REACH, start * REACH)))
+            for name, start in zip(setups[0].names, setups[0].start.tolist(), strict=True)
+        }
+        setups = [replace(one, box=box) for one in setups]
+        best = self._explored([*setups, *self._responses(setups[0])])
+        return self._early(self._rubbed(self._falling(best)))
 
-    @cached_property
+    def _guesses(self) -> list[Setup]:
+        """Return setups with rough guesses of the parameters.
+
+        A log of slow motion shows no peak at the resonance, so several resonances are tried.
+
+        Raises
+        ------
+        LogError
+            If the torque does not explain the motion.
+        """
+        setup, period = self.setup, self.setup.log.period
+        try:
+            seen = self._response()
+        except LogError:
+            if {*setup.names} <= {"J_m", "f_m"}:
+                return [setup.having(self._rigid())]
+            raise
+        peaks = [None, *np.geomspace(seen.omega[0], FASTEST / period, RUNGS).tolist()]
+        return [setup.having(rough_guess(setup.model, seen, peak)) for peak in peaks]
+
     def _rigid(self) -> dict[str, float]:
-        """Rough parameters of a rigid axis from its momentum, or an empty dict for other models."""
-        log, names = self.setup.log, self.setup.names
+        """Return rough parameters of a rigid axis, which are computed from its momentum."""
+        log = self.setup.log
         window = max(round(WINDOW / log.period), 1)
         impulse = log.period * np.convolve(log.u, np.ones(window), "valid")
-        gain = np.std(impulse) / np.std(log.y[window:] - log.y[:-window])
         k_T = abs(self.setup.model.nominal.get("k_T", 1.0))
-        values = {"J_m": k_T * gain, "f_m": 0.1 * k_T * np.std(log.u) / np.std(log.y)}
-        return {n: float(values[n]) for n in names} if {*names} <= {*values} else {}
+        gain = np.std(impulse) / np.std(log.y[window:] - log.y[:-window])
+        return {"J_m": k_T * gain, "f_m": 0.1 * k_T * np.std(log.u) / np.std(log.y)}
 
-    def _rubbed(self, best: Candidate) -> Candidate:
+    def _rubbed(self, best: Fit) -> Fit:
         """Add dry friction if the options require it, or if it improves the simulation."""
         kind, model = self.friction, self.setup.model
         able = "speed_motor" in model.states and "J_m" in model.parameters
@@ -135,99 +152,73 @@ class Search:
             )
         if not able or model.laws:
             return best
-        setup, theta, lag = self._law(best, "coulomb")
-        places = [(theta, lag)]
-        for level in np.multiply(LEVELS, setup.box["f_c"][1]) if kind != "none" else ():
+        setup = self._law(best, "coulomb")
+        setups, k_T = [setup], abs(model.nominal.get("k_T", 1.0))
+        for level in np.multiply(LEVELS, setup.box["f_c"][1]).tolist():
             started = setup.having({"f_c": self.levels.get("f_c", level)})
-            places += self._places(started, level / abs(model.nominal.get("k_T", 1.0)))
-        dry = self._explored(setup, places)
+            setups += [started, *self._responses(started, level / k_T)]
+        dry = self._explored(setups)
         if kind == "stribeck":
-            return candidate(*self._law(dry, "stribeck"))
+            return candidate(self._law(dry, kind))
         if kind == "coulomb" or self.levels:
             return dry
         better = self._taken("dry friction", best, dry, "f_c")
-        if kind == "none" or better is best or not dry.lacks:
-            return best if kind == "none" else better
-        return self._taken("Stribeck effect", dry, candidate(*self._law(dry, "stribeck")), "f_s")
+        if kind == "none":
+            return best
+        if better is dry and dry.lacks:
+            other = candidate(self._law(dry, "stribeck"))
+            return self._taken("Stribeck effect", dry, other, "f_s")
+        return better
 
-    def _taken(self, name: str, best: Candidate, other: Candidate, *sure: str) -> Candidate:
-        """Compare two candidates, add the comparison to `tried`, and return the better candidate.
+    def _taken(self, name: str, best: Fit, other: Fit, *sure: str) -> Fit:
+        """Compare two fits, add the comparison to `tried`, and return the better fit.
 
-        The candidate `other` is returned only if one of the parameters `sure` differs significantly
-        from 0.
+        The fit `other` is returned only if one of the parameters `sure` differs significantly from
+        0.
         """
         taken = best.better(other) and other.sure(*sure)
         self.tried.append(Tried(name, best.error, other.error, taken))
         return other if taken else best
 
-    def _falling(self, best: Candidate) -> Candidate:
+    def _falling(self, best: Fit) -> Fit:
         """Add gravity if the options require it, or if it improves the simulation."""
         log, asked = self.setup.log, self.gravity == "sine"
         if not asked and (self.gravity == "none" or np.ptp(log.angle[log.ok]) < TURN):
             return best
         columns = columns_beside(log.angle)
-        other = candidate(replace(best.setup, beside=columns), *_place(best))
+        other = candidate(replace(best.found, beside=columns))
         return other if asked else self._taken("gravity", best, other, *columns)
 
-    def _law(self, best: Candidate, kind: str) -> tuple[Setup, Array, float]:
-        """Return a setup with a friction law, and the initial parameters and delay [s]."""
-        theta, lag = _place(best)
-        setup = best.setup.having(dict(zip(best.setup.names, theta.tolist(), strict=True)))
-        nominal, log, roles = setup.model.nominal, setup.log, dict[str, Any](FRICTION[kind])
+    def _law(self, best: Fit, kind: str) -> Setup:
+        """Return a setup with a friction law, which starts at the estimates of a fit."""
+        setup, law = best.found, FRICTION[kind]
+        nominal, log = setup.model.nominal, setup.log
         if kind == "coulomb":
-            roles["stiffness"] = (STIFF / log.period) ** 2 * abs(nominal["J_m"])
-        law = replace(STATIC if kind == "stribeck" else BRISTLES, parameters=roles)
+            stiffness = (STIFF / log.period) ** 2 * abs(nominal["J_m"])
+            law = replace(law, parameters=dict(law.parameters) | {"stiffness": stiffness})
         torque = abs(nominal.get("k_T", 1.0)) * float(np.std(log.u[log.ok]))
-        unit = {"f_c": torque, "f_s": torque}
         slow = 1 / float(np.sqrt(np.mean(log.y[log.ok] ** 2)))
-        sizes = {n: (np.array(LAWFUL[n]) * unit.get(n, slow)).tolist() for n in law.names}
-        nominal = {n: start for n, (start, *_) in sizes.items()} | dict(nominal) | dict(self.levels)
-        setup = replace(
+        sizes = {n: np.multiply(LAWFUL[n], torque if n[0] == "f" else slow) for n in law.names}
+        nominal = {n: float(size[0]) for n, size in sizes.items()} | dict(nominal)
+        names = dict.fromkeys((*setup.names, *law.names))
+        return replace(
             setup,
-            model=replace(setup.model, laws=(law,), nominal=nominal),
-            names=tuple(n for n in dict.fromkeys((*setup.names, *law.names)) if n not in self.fix),
-            box={n: (low, high) for n, (_, low, high) in sizes.items()},
+            model=replace(setup.model, laws=(law,), nominal=nominal | dict(self.levels)),
+            names=tuple(name for name in names if name not in self.fix),
+            box={**setup.box} | {n: (size[1], size[2]) for n, size in sizes.items()},
         )
-        return setup, setup.start, lag
 
-    def _early(self, best: Candidate) -> Candidate:
+    def _early(self, best: Fit) -> Fit:
         """Allow a torque that acts before it is logged, if this improves the simulation."""
-        fitted, setup = best.fitted, best.setup
-        if setup.log.smooth or setup.delay is not None or fitted.z[-1] > setup.earliest:
+        fitted, setup = best.fitted, best.found
+        if setup.log.smooth or setup.timed or setup.delay > setup.earliest:
             return best
         H, g = fitted.curvature
         if (inverse_of(H) @ g)[-1] > -SURE * fitted.deviations[-1]:
             return best
-        setup, lags = replace(setup, early=EARLY), -setup.log.period * np.array([0.5, 1.5, 2.5])
-        other = self._explored(setup, [(_place(best)[0], float(lag)) for lag in lags])
+        lags = (-setup.log.period * np.array([0.5, 1.5, 2.5])).tolist()
+        other = self._explored([replace(setup, early=EARLY, delay=lag) for lag in lags])
         return self._taken("a torque that acts before it is logged", best, other)
-
-    def _first_places(self) -> list[Place]:
-        """Return initial parameters and delays [s] of the linear model.
-
-        Raises
-        ------
-        LogError
-            If no initial values can be found.
-        """
-        setup = self.setup
-        places = self._places(setup) + self._places(setup, floor=0.0)[:1]
-        if not places:
-            self._response()  # raises the LogError
-        if not self.known and (seen := self._seen) is not None:
-            # a log of slow motion shows no peak at the resonance, so several resonances are tried
-            for resonance in np.geomspace(seen.omega[0], FASTEST / setup.log.period, RUNGS):
-                rung = setup.having(rough_guess(setup.model, seen, resonance))
-                if not np.array_equal(rung.start, setup.start):  # equal if no mode exists
-                    places.append((rung.start, 0.0))
-        return places
-
-    @cached_property
-    def _seen(self) -> Spectra | None:
-        """The frequency response if the torque explains the motion, else None."""
-        with suppress(LogError):
-            return self._response()
-        return None
 
     def _response(self, level: float = 0.0, floor: float = STRONG) -> Spectra:
         """Return the frequency response to the torque minus dry friction of a given level."""
@@ -235,37 +226,28 @@ class Search:
         u = log.u - level * np.sign(log.y)
         return measured_response(u[log.ok], log.y[log.ok], period=log.period, floor=floor)
 
-    def _places(self, setup: Setup, level: float = 0.0, floor: float = STRONG) -> list[Place]:
-        """Return pairs of initial parameters and an initial delay [s]."""
-        places = list[Place]()
-        linear = replace(setup.model, laws=())
+    def _responses(self, setup: Setup, level: float = 0.0) -> list[Setup]:
+        """Return setups that start at fits of the linear model to frequency responses."""
+        linear, setups = replace(setup.model, laws=()), list[Setup]()
         own = tuple(name for name in setup.names if name in linear.parameters)
-        with suppress(LogError):
-            theta, late = fit_response(
-                linear, self._response(level, floor), identify=own, period=setup.log.period,
-                output=setup.log.output, earliest=setup.earliest,
-            )  # fmt: skip
-            values = dict(zip(own, theta.tolist(), strict=True))
-            places.append((setup.having(values).start, late))
-        if self.known:
-            places.append((setup.start, 0.0))
-        if self._rigid:
-            places.append((setup.having(self._rigid).start, 0.0))
-        return places
+        for floor in (STRONG, 0.0):
+            with suppress(LogError):
+                theta, late = fit_response(
+                    linear, self._response(level, floor), identify=own, period=setup.log.period,
+                    output=setup.log.output, earliest=setup.earliest,
+                )  # fmt: skip
+                values = dict(zip(own, theta.tolist(), strict=True))
+                started = setup.having(values)
+                setups.append(started if setup.timed else replace(started, delay=late))
+        return setups
 
-    def _explored(self, setup: Setup, places: Sequence[Place]) -> Candidate:
-        """Fit a setup, starting at the initial values that fit a part of the log best."""
-        part = setup.part(ENOUGH)
-        fits = (part.solve(*place, most=STEPS, near=NEAR) for place in places)
-        best = min(fits, key=lambda fitted: fitted.square)
-        if not np.isfinite(best.square):
+    def _explored(self, setups: Sequence[Setup]) -> Fit:
+        """Fit the model, starting at the setup that fits a part of the log best."""
+        fits = (Fit(setup, setup.part(ENOUGH).solve(most=STEPS, near=NEAR)) for setup in setups)
+        best = min(fits, key=lambda one: one.fitted.square)
+        if not np.isfinite(best.fitted.square):
             raise LogError(
                 "the log could not be simulated from any initial values. Give nominal values of "
                 "the correct order of magnitude with --start NAME=VALUE"
             )
-        return candidate(setup, best.z[: len(setup.names)], float(best.z[-1]))
-
-
-def _place(best: Candidate) -> Place:
-    """Return the parameters and the delay [s] of a fit."""
-    return best.fitted.z[: len(best.setup.names)], float(best.fitted.z[-1])
+        return candidate(best.found)

@@ -14,12 +14,11 @@ from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.offline.prediction_error import Fitted, Problem
 from flexaxis.estimators.offline.trajectory import Trajectory
 from flexaxis.estimators.signals import SIGNALS
-from flexaxis.experiments.logs.signals import CLEAR, Log, noise_of
+from flexaxis.experiments.logs.signals import CLEAR, Log, liveliest, noise_of
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-REACH = 1e3  # factor between the initial value and both bounds of a parameter of a linear model
 LATEST = 0.01, 4  # maximum delay in s and in samples; the greater of the two applies
 EARLIEST = -2.0  # minimum delay of a smooth torque [samples]
 SETTLING = 4  # number of steps in which the initial states of stretches are fitted
@@ -38,10 +37,12 @@ class Setup:
         Model; its nominal values are the initial values of the fit.
     names : tuple of str
         Names of the identified parameters.
-    delay : float or None
-        Known delay of the torque [s], or None if the delay is identified.
+    delay : float
+        Delay of the torque [s]: the known value, or the initial value of the fit.
+    timed : bool
+        Whether the delay is known.
     box : mapping of str to (float, float)
-        Bounds of parameters. All other parameters have the default bounds (see `REACH`).
+        Bounds of parameters. Parameters without an entry have no bounds.
     beside : mapping of str to ndarray (N,)
         Additional torques, each multiplied by an identified gain of the same name.
     early : float
@@ -51,26 +52,21 @@ class Setup:
     log: Log
     model: Model
     names: tuple[str, ...]
-    delay: float | None = None
+    delay: float = 0.0
+    timed: bool = True
     box: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     beside: Mapping[str, Array] = field(default_factory=dict)
     early: float = 0.0
 
     @cached_property
     def begins(self) -> list[int]:
-        """Indices of the start and of gap ends at which a new initial state is estimated.
-
-        The state of soft bristles and an angle cannot be determined after a gap. For a model with
-        such a state, only the start is returned.
-        """
-        bends = any(isinstance(law.parameters.get("stiffness"), str) for law in self.model.laws)
-        turns = any(name.startswith("angle") for name in self.model.states)
-        return self.log.begins(0 if bends or turns else len(self.model.states), self._later)
+        """Indices of the start and of gap ends at which a new initial state is estimated."""
+        return self.log.begins(len(self.model.states), self._later)
 
     @property
     def _later(self) -> int:
         """Number of samples after a gap in which the unknown torque of the gap may still act."""
-        latest = self.latest if self.delay is None else max(self.delay, 0.0)
+        latest = max(self.delay, 0.0) if self.timed else self.latest
         return int(np.ceil(latest / self.log.period - 1e-9)) + self.log.smooth
 
     @cached_property
@@ -108,7 +104,7 @@ class Setup:
         beside = np.array([*self.beside.values()]).reshape(-1, len(log.u))
         along = Trajectory(model, log.u, log.period, log.smooth, begins, beside)
         held = np.zeros(along.q, bool)
-        held[-1] = self.delay is not None
+        held[-1] = self.timed
         for state in along.states:  # initial states of laws are unknown, and have no lasting effect
             held[state.start + len(self.model.states) : state.stop] = True
         if log.resting:
@@ -122,11 +118,9 @@ class Setup:
         upper = np.full(along.q, np.inf)
         upper[along.first : -2] = far
         lower = -upper
-        for i, (name, start) in enumerate(zip(self.names, self.start, strict=True)):
-            lawful = name in self.model.law_parameters
-            usual = (0.0, np.inf) if lawful else np.sort([start / REACH, start * REACH])
-            lower[i], upper[i] = self.box.get(name, usual)
-        lower[-1], upper[-1] = min(self.earliest, self.delay or 0.0), self.latest
+        for i, name in enumerate(self.names):
+            lower[i], upper[i] = self.box.get(name, (-np.inf, np.inf))
+        lower[-1], upper[-1] = min(self.earliest, self.delay), self.latest
         # dry friction depends on the sign of the speed; a fit could not change a wrong sign
         states, first = slice(along.first, -2), self._first(along)
         lower[states][first > 0] = upper[states][first < 0] = 0.0
@@ -147,34 +141,34 @@ class Setup:
         return first.ravel()
 
     def solve(
-        self, z: Array | None = None, lag: float = 0.0, *, without: Flags | None = None,
-        **options: Any,
-    ) -> Fitted:  # fmt: skip
-        """Fit the model, starting at the parameters `z` and the delay `lag` [s].
+        self, z: Array | None = None, *, without: Flags | None = None, **options: Any
+    ) -> Fitted:
+        """Fit the model, starting at the unknowns `z`, by default at the nominal values.
 
-        By default, the fit starts at the nominal values. If `z` contains all unknowns, `lag` is
-        ignored. The `options` are those of `Problem.fit`.
+        The samples flagged in `without` are not fitted. The `options` are those of `Problem.fit`.
         """
-        problem, z = self.problem(without), self.start if z is None else z
-        if len(z) != problem.trajectory.q:
-            z = self.begun(problem, z, 0.0, lag if self.delay is None else self.delay).z
-        return problem.fit(z, **options)
+        problem = self.problem(without)
+        return problem.fit(self.begun(problem).z if z is None else z, **options)
 
-    def begun(self, problem: Problem, theta: Array, offset: float, delay: float) -> Fitted:
+    def begun(self, problem: Problem, offset: float = 0.0) -> Fitted:
         """Fit all unknowns except the parameters and the delay, assuming white noise."""
         along, held = problem.trajectory, problem.held.copy()
-        held[: len(theta)] = held[-1] = True
-        rest, gains = replace(problem, held=held), np.zeros(along.first - len(theta))
-        z = np.r_[theta, gains, self._first(along), offset, delay]
+        held[: along.p] = held[-1] = True
+        rest, gains = replace(problem, held=held), np.zeros(len(self.beside))
+        z = np.r_[self.start, gains, self._first(along), offset, self.delay]
         return rest.descend(rest.at(z, np.ones(1)), SETTLING)[0]
 
     def having(self, values: Mapping[str, float]) -> Setup:
-        """Return a copy of the setup with some nominal values replaced."""
-        nominal = dict(self.model.nominal) | dict(values)
+        """Return a copy of the setup with other nominal values of the identified parameters."""
+        new = {name: value for name, value in values.items() if name in self.names}
+        nominal = dict(self.model.nominal) | new
         return replace(self, model=replace(self.model, nominal=nominal))
 
     def part(self, most: int) -> Setup:
         """Return the setup for the part of at most `most` samples with the greatest torque."""
-        piece = self.log.part(most)
+        log = self.log
+        piece = liveliest(np.where(log.ok, log.u, 0.0), most)
+        sides = {name: getattr(log, name)[piece] for name in ("u", "y", "ok", "angle")}
+        log = replace(log, **sides, resting=log.resting and piece.start == 0)
         beside = {name: values[piece] for name, values in self.beside.items()}
-        return replace(self, log=self.log.cut(piece), beside=beside)
+        return replace(self, log=log, beside=beside)

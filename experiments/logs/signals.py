@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -166,7 +166,7 @@ class Log:
         Parameters
         ----------
         states : int
-            Number of unknown states after a gap. If it is 0, no stretch begins after a gap.
+            Number of unknown states after a gap.
         later : int
             Number of samples after a gap in which the unknown torque of the gap still acts.
         """
@@ -174,18 +174,9 @@ class Log:
         first = 0 if self.resting else int(np.argmax(self.ok))
         missing = gaps_of(self.ok).tolist()
         gaps = [(begin, end) for begin, end in missing if begin and end < len(self.ok)]
-        most = int(min(UNKNOWN, ROOM // len(self.ok))) // states if states else 0
+        most = int(min(UNKNOWN, ROOM // len(self.ok))) // states
         longest = sorted(gaps, key=lambda gap: gap[0] - gap[1])[:most]
         return [first, *sorted({end + later for _, end in longest if end + later < len(self.ok)})]
-
-    def part(self, most: int) -> slice:
-        """Return the part of at most `most` samples with the greatest torque."""
-        return liveliest(np.where(self.ok, self.u, 0.0), most)
-
-    def cut(self, piece: slice) -> Log:
-        """Return a piece of the log."""
-        sides = {name: getattr(self, name)[piece] for name in ("u", "y", "ok", "angle")}
-        return replace(self, **sides, resting=self.resting and piece.start == 0)
 
 
 def log_of(record: Record, axis: Axis) -> Log:

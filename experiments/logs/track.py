@@ -23,9 +23,10 @@ from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.logs.axis_file import Axis, valid_of
 from flexaxis.experiments.logs.changes import Change, changes_along
 from flexaxis.experiments.logs.findings import Finding, LogError
+from flexaxis.experiments.logs.fit import Fit
 from flexaxis.experiments.logs.setup import Setup
 from flexaxis.experiments.logs.signals import gaps_of, log_of
-from flexaxis.experiments.logs.verdict import correlation, fit_of, validate
+from flexaxis.experiments.logs.verdict import correlation, unlike, validate
 from flexaxis.experiments.running.estimate import run_on, write_estimates
 from flexaxis.experiments.running.estimators import Spec, make_estimator
 from flexaxis.experiments.scoring.parameter_names import physical
@@ -151,11 +152,11 @@ def track(
     if runs[0][1] is not None:
         variances = [np.diagonal(covariance, axis1=1, axis2=2) for _, covariance, _ in runs]
         spread = np.sqrt(np.abs(np.concatenate(variances)))
-    setup = Setup(log_of(moving, axis), axis.model, names, delay=axis.delay)
+    last = np.median(theta[-max(len(theta) // 5, 1) :], axis=0)
+    setup = Setup(log_of(moving, axis), _valued(axis, names, last).model, names, axis.delay)
     problem = setup.problem()
     problem.held[-2] = True  # the offset is known
-    last = np.median(theta[-max(len(theta) // 5, 1) :], axis=0)
-    fitted = setup.begun(problem, last, axis.offset, axis.delay)
+    fitted = setup.begun(problem, axis.offset)
     good = settled(setup.ok & ~quiet, order)
 
     def look(z: Array) -> tuple[Array, Array]:
@@ -171,12 +172,12 @@ def track(
         )
     time, past = record.time, correlation(residual)
     changes, unseen = changes_along(look, time[good], fitted.z, names)
-    fit = fit_of(log.y, fitted.residual, setup.ok)
+    fit, known = Fit(setup, fitted), axis.model.parametrize(names).theta
     # after a change, no single value of the parameter fits the whole log
     fits = bool(changes) or (abs(past) < WHITE and axis.usual is None)
-    unlike = fit.unlike(axis.usual) * (not fits)
-    relative = dict(zip(names, last / setup.start - 1, strict=True))
-    findings = _findings(unlike, changes, unseen, relative)
+    text = unlike(fit, axis.usual) * (not fits)
+    relative = dict(zip(names, last / known - 1, strict=True))
+    findings = _findings(text, changes, unseen, relative)
     findings += _interruptions(record, stopped)
     infos = [
         f"fit of a simulation from the torque alone: {fit.percent:.1f} %",
@@ -186,16 +187,16 @@ def track(
     ]
     findings += [Finding("info", text) for text in infos]
     return Tracked(
-        names, time, theta, spread, last, setup.start, good, fit.percent, time[alarms], changes,
+        names, time, theta, spread, last, known, good, fit.percent, time[alarms], changes,
         findings,
     )  # fmt: skip
 
 
 def _findings(
-    unlike: str, changes: list[Change], unseen: list[str], relative: Mapping[str, float]
+    text: str, changes: list[Change], unseen: list[str], relative: Mapping[str, float]
 ) -> list[Finding]:
     """Return what the log shows about changes of the parameters and about the axis."""
-    findings = [Finding("problem", unlike)] * bool(unlike)
+    findings = [Finding("problem", text)] * bool(text)
     texts = [change.text for change in changes]
     texts += [f"this log does not show whether {', '.join(unseen)} changed"] * bool(unseen)
     if not (findings or texts):

@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.experiments.logs.axis_file import Axis
-from flexaxis.experiments.logs.changes import Change
+from flexaxis.experiments.logs.changes import changes_in
 from flexaxis.experiments.logs.findings import Finding, Kind, LogError
-from flexaxis.experiments.logs.fit import Candidate
+from flexaxis.experiments.logs.fit import Fit
 from flexaxis.experiments.logs.search import Search
 from flexaxis.experiments.logs.setup import Setup
-from flexaxis.experiments.logs.signals import log_of, noise_of
+from flexaxis.experiments.logs.signals import gaps_of, log_of
 from flexaxis.sim.record import Record
 
 Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 POOR = 10.0  # maximum difference between the expected and the actual fit of the same axis [%]
 MATCHED = 50.0  # minimum fit of a correct model [%]
@@ -31,39 +30,32 @@ FILTERED = 0.5  # delay above which a speed may be low-pass filtered [samples]
 NOISY = 1.2  # ratio of simulation error to noise above which the model is considered wrong
 HIDDEN = 30.0  # fit [%] below which sensor steps or noise hide the motion
 MISSING = 0.07  # maximum fraction of the samples that may be missing in many gaps
-SMOOTHER = {"two_mass": "one_mass", "three_mass": "two_mass"}
+HELD = 0.02  # maximum difference between the delay of a held torque and half a sample [samples]
 
 
-def judged(
-    search: Search, best: Candidate, chosen: Candidate, fit: float, changes: Sequence[Change]
-) -> list[Finding]:
+def judged(search: Search, best: Fit, chosen: Fit, record: Record) -> list[Finding]:
     """Return the findings on an identification.
 
     Parameters
     ----------
     search : Search
         Search that found the model.
-    best : Candidate
-        Best candidate of the search.
-    chosen : Candidate
+    best : Fit
+        Best candidate of the search, which was fitted without the held-out pieces.
+    chosen : Fit
         Fit of the same model to the whole log.
-    fit : float
-        Fit of a simulation of the held-out pieces [%].
-    changes : sequence of Change
-        Changes of parameters within the log.
+    record : Record
+        Record of the log.
     """
     setup, fitted, log = chosen.setup, chosen.fitted, chosen.setup.log
-    noise = max(noise_of(fitted.residual[log.ok]), log.rounding)
-    wrong = fit < MATCHED and best.error > NOISY * noise
-    rubs = search.friction == "none" and ("dry friction", True) in {
-        (one.name, one.taken) for one in search.tried
-    }
-    missing, gaps = float(1 - np.mean(log.ok)), int(np.sum(np.diff(log.ok.astype(int)) < 0))
-    counted = float(np.mean(fitted.good)) / max(1 - missing, 1e-9)
-    # after the longest gaps the state is estimated; in all other gaps the torque is interpolated
-    lost = (missing > MISSING and gaps > len(setup.begins)) or counted < 0.5
+    fit = 100 * (1 - best.error / chosen.size)
+    wrong = fit < MATCHED and best.error > NOISY * chosen.noise
+    tried = {one.name: one for one in search.tried}
+    rubs = search.friction == "none" and "dry friction" in tried and tried["dry friction"].taken
+    missing, gaps = float(1 - np.mean(log.ok)), len(gaps_of(log.ok))
     lag, sd, period = float(fitted.z[-1]), float(chosen.deviations[-1]), log.period
-    free, least = setup.delay is None, HALF * log.smooth
+    free, least = not setup.timed, HALF * log.smooth
+    stated = record.versions.get("torque_because") == "as stated"
     compared = "; ".join(
         f"{one.name} {'added' if one.taken else 'not added'} ({one.before:.4g} → {one.after:.4g})"
         for one in search.tried
@@ -83,12 +75,13 @@ def judged(
         ("problem", rubs,
          "dry friction improves the simulation, but --friction none excludes it. The estimate of "
          "viscous friction is therefore wrong. Use --friction auto"),
-        ("problem", lost,
+        # after the longest gaps the state is estimated; in all other gaps the torque is a line
+        ("problem", missing > MISSING and gaps > len(setup.begins),
          f"{100 * missing:.0f} % of the samples are missing, in {gaps} gaps. The torque in these "
          "gaps is unknown, so the estimates are wrong. Record a log without missing samples, or "
          "select a part with --rows A:B. If only the time stamps are rounded, give --rate HZ"),
-        *(("problem", True, _change(one, period)) for one in changes[:1]),
-        *_unseen(search, chosen),
+        *_changed(chosen),
+        *_unseen(chosen),
         ("problem", free and lag >= max(setup.latest * (1 - 1e-9), EARLY * sd),
          f"the torque acts at least {1e3 * lag:.3g} ms after it is logged, so the torque and "
          "motion columns are not synchronous. Shift one of these columns, or give --delay S"),
@@ -101,24 +94,37 @@ def judged(
          f"the speed is behind a low-pass of about {1e3 * lag:.1g} ms, or has another lag that a "
          "delay does not explain. Inertias and stiffnesses are therefore wrong by a few per cent. "
          "To avoid this error, log the angle, or log the speed before its filter"),
+        ("problem", log.smooth and not stated and abs(lag / period - 0.5) < HELD,
+         "the torque acts half a sample late, like a held command, although flexaxis assumes a "
+         "measured current. Give --torque-is held, or confirm a current with --torque-is smooth"),
         ("note", best.lacks,
          "the simulation error exceeds the noise, so an effect is missing in the model"),
         ("info", bool(compared),
          f"effects tested by the simulation error of held-out pieces [rad/s]: {compared}"),
+        ("info", len(log.y) < len(record.time),
+         f"the fit uses {len(log.y)} of {len(record.time)} samples, with the greatest torque"),
     ]  # fmt: skip
     return [Finding(kind, text) for kind, holds, text in rows if holds]
 
 
-def _change(one: Change, period: float) -> str:
-    """Return a sentence on a change within the log, with a remedy."""
-    k = round(one.time / period)
-    part = f"one part of the log with --rows 0:{k} or --rows {k}:"
-    if one.kind == "drift":
-        part = "a shorter part of the log with --rows A:B to avoid a mean over the drift"
-    return f"{one.text}. Identify {part}, and track the change with flexaxis track"
+def _changed(chosen: Fit) -> Iterator[tuple[Kind, bool, str]]:
+    """Yield a finding on the most significant change within the log, with a remedy."""
+    setup, fitted, good = chosen.setup, chosen.fitted, chosen.fitted.good
+    names, period = (*setup.names, *setup.beside, "delay", "offset"), setup.log.period
+    rows = [*range(len(names) - 2), -1, -2]
+    size = np.r_[fitted.z[rows[:-2]], period, 1.0]
+    J = (fitted.gradient[rows] * size[:, None])[:, good].T
+    time: Any = period * np.flatnonzero(good)
+    for one in changes_in(time, fitted.white[good], J, names)[0][:1]:
+        k = round(one.time / period)
+        part = f"one part of the log with --rows 0:{k} or --rows {k}:"
+        if one.kind == "drift":
+            part = "a shorter part of the log with --rows A:B to avoid a mean over the drift"
+        text = f"{one.text}. Identify {part}, and track the change with flexaxis track"
+        yield "problem", True, text
 
 
-def _unseen(search: Search, chosen: Candidate) -> Iterator[tuple[Kind, bool, str]]:
+def _unseen(chosen: Fit) -> Iterator[tuple[Kind, bool, str]]:
     """Yield a finding on each parameter that the log does not determine, with a remedy."""
     names, model = chosen.setup.names, chosen.setup.model
     ends, shapes = chosen.stuck, model.law_parameters - {"f_c"}
@@ -129,10 +135,9 @@ def _unseen(search: Search, chosen: Candidate) -> Iterator[tuple[Kind, bool, str
         if name not in shapes and (name in ends or one >= BLIND)
     }
     if len(unseen) > 2 and len(unseen) >= len(names) - 1:
-        smaller = SMOOTHER.get(search.setup.model.name, "one_mass")
         text = (
             f"the log determines none of {', '.join(names)}. The excitation is too small or too "
-            f"slow for this model. Try --model {smaller}"
+            "slow for this model. Try a model with fewer masses, such as --model one_mass"
         )
         yield "problem", True, text
         return
@@ -149,7 +154,7 @@ def _unseen(search: Search, chosen: Candidate) -> Iterator[tuple[Kind, bool, str
         yield "problem" if grave else "note", True, text
 
 
-def _summed(chosen: Candidate, name: str) -> str:
+def _summed(chosen: Fit, name: str) -> str:
     """Return another parameter if the log determines only its sum with the parameter `name`.
 
     In this case, the estimates of both parameters have a correlation near −1 and equal standard
@@ -166,51 +171,28 @@ def _summed(chosen: Candidate, name: str) -> str:
     return ""
 
 
-@dataclass(frozen=True)
-class Fit:
-    """The accuracy of a simulation from the torque alone.
+def unlike(fit: Fit, usual: float | None) -> str:
+    """Return a sentence if a log does not match an identified axis, else an empty string.
 
-    Attributes
-    ----------
-    percent : float
-        Fit 100 (1 − |y − ŷ|/|y − mean y|) [%].
-    error, size : float
-        Standard deviations of y − ŷ and of y [rad/s].
-    """
-
-    percent: float
-    error: float
-    size: float
-
-    def unlike(self, usual: float | None) -> str:
-        """Return a sentence if the log does not match the axis, else an empty string.
-
-        The log matches the axis if the simulation error or the fit is near the expected value. The
-        fit alone is not enough, because a log with less motion has a worse fit at the same error.
-        """
-        expected = MATCHED + POOR if usual is None else 100 * (1 - usual / self.size)
-        if self.percent > 0 and (self.percent >= expected - POOR or self.error <= (usual or 0.0)):
-            return ""
-        told = "" if usual is None else f", but {expected:.1f} % is expected"
-        return (
-            f"a simulation from the torque explains only {self.percent:.1f} %{told}. Either the "
-            "log is from another axis or motion, or the torque or the angle has another unit or "
-            "sign. Compare units and scales with those of the first log, or identify the axis again"
-        )
-
-
-def fit_of(y: Array, residual: Array, ok: Flags) -> Fit:
-    """Compute the accuracy of a simulation.
+    The log matches the axis if the simulation error or the fit is near the expected value. The fit
+    alone is not enough, because a log with less motion has a worse fit at the same error.
 
     Parameters
     ----------
-    y, residual : ndarray (N,)
-        Measured output, and its difference from the simulation.
-    ok : ndarray (N,) of bool
-        Samples that are compared.
+    fit : Fit
+        Simulation of the log with the axis.
+    usual : float or None
+        Expected simulation error [rad/s], or None if it is unknown.
     """
-    size, error = float(np.std(y[ok])), float(np.std(residual[ok]))
-    return Fit(100 * (1 - error / max(size, 1e-300)), error, size)
+    expected = MATCHED + POOR if usual is None else 100 * (1 - usual / fit.size)
+    if fit.percent > 0 and (fit.percent >= expected - POOR or fit.left <= (usual or 0.0)):
+        return ""
+    told = "" if usual is None else f", but {expected:.1f} % is expected"
+    return (
+        f"a simulation from the torque explains only {fit.percent:.1f} %{told}. Either the log is "
+        "from another axis or motion, or the torque or the angle has another unit or sign. Compare "
+        "units and scales with those of the first log, or identify the axis again"
+    )
 
 
 def correlation(white: Array) -> float:
@@ -220,28 +202,7 @@ def correlation(white: Array) -> float:
     return float(max(past, key=abs))
 
 
-@dataclass(frozen=True)
-class Validation:
-    """The simulation of another log with an identified axis.
-
-    Attributes
-    ----------
-    time, measured, simulated : ndarray (N,)
-        Time [s], measured output, and output simulated from the torque alone [rad/s].
-    fit : Fit
-        Accuracy of the simulation.
-    unlike : str
-        Sentence that explains a mismatch of log and axis, or an empty string if they match.
-    """
-
-    time: Array
-    measured: Array
-    simulated: Array
-    fit: Fit
-    unlike: str
-
-
-def validate(record: Record, axis: Axis) -> Validation:
+def validate(record: Record, axis: Axis) -> Fit:
     """Simulate a record with an identified axis, and fit only the initial states to the record.
 
     Parameters
@@ -257,12 +218,10 @@ def validate(record: Record, axis: Axis) -> Validation:
         If the sampling rate differs from that of the identification, or if the simulation fails.
     """
     axis.check_rate(record.period)
-    log, names = log_of(record, axis), tuple(axis.model.parameters[:1])
-    setup = Setup(log, axis.model, names, delay=axis.delay)
+    setup = Setup(log_of(record, axis), axis.model, axis.model.parameters[:1], axis.delay)
     problem = setup.problem()
     problem.held[-2] = True  # the offset is known
-    fitted = setup.begun(problem, setup.start, axis.offset, axis.delay)
-    if not np.isfinite(fitted.residual).all():
+    fit = Fit(setup, setup.begun(problem, axis.offset))
+    if not np.isfinite(fit.left):
         raise LogError("the axis cannot be simulated over this log. Is the log from this axis?")
-    fit = fit_of(log.y, fitted.residual, setup.ok)
-    return Validation(record.time, log.y, log.y - fitted.residual, fit, fit.unlike(axis.usual))
+    return fit

@@ -104,7 +104,7 @@ def printed(title, truth, masses, *drive):
     begun, record = time.process_time(), logged(truth, masses, *drive)
     result = identify(record, find_axis(NAMES[masses]))
     status, z, cells = int(bool(result.warnings)), [], []
-    for name, value, sd in zip(result.names, result.theta, result.deviations, strict=True):
+    for name, (value, sd) in result.estimates.items():
         if of := truth.get(name):
             z.append((value - of) / sd)
             cells.append(f"{name} {100 * (value / of - 1):+.2f} % (z {z[-1]:+.1f})")

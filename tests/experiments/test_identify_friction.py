@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,9 +11,9 @@ from identify_axes import VALUES, log
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.logs.axis_file import find_axis
 from flexaxis.experiments.logs.findings import LogError
-from flexaxis.experiments.logs.identify import identify
+from flexaxis.experiments.logs.identify import identify, units_of
 from flexaxis.experiments.logs.track import track
-from flexaxis.experiments.logs.verdict import Fit, validate
+from flexaxis.experiments.logs.verdict import unlike, validate
 from flexaxis.experiments.running.estimators import parse
 
 F_C = 10 * VALUES[1]["f_m"]
@@ -29,22 +30,21 @@ def found(record):
 
 
 def test_dry_friction_is_found_and_told_from_viscous(found):
-    values = dict(zip(found.names, found.theta, strict=True))
+    values = found.estimates.loc["value"]
     assert found.friction == "coulomb" and not found.warnings
     assert found.answer.fitted.converged
     assert values["f_m"] == pytest.approx(VALUES[1]["f_m"], rel=0.03)
     assert values["J_m"] == pytest.approx(VALUES[1]["J_m"], rel=0.03)
     assert values["f_c"] == pytest.approx(F_C, rel=0.05)
-    errors = found.theta - [{**VALUES[1], "f_c": F_C}[name] for name in found.names]
-    assert np.all(
-        abs(errors) < 4 * found.deviations
-    )  # of a few millionths: nothing is stepped over
+    for name in ("J_m", "f_m", "f_c"):  # sd of a few millionths: nothing is stepped over
+        value, sd = found.estimates[name]
+        assert abs(value - {**VALUES[1], "f_c": F_C}[name]) < 4 * sd
 
 
 @pytest.mark.slow
 def test_without_a_law_the_answer_says_what_is_missing(record):
     found = identify(record, find_axis("one_mass"), friction="none")
-    values = dict(zip(found.names, found.theta, strict=True))
+    values = found.estimates.loc["value"]
     assert values["f_m"] > 1.3 * VALUES[1]["f_m"]  # which is the trap
     assert any("dry friction" in text and "--friction auto" in text for text in found.warnings)
 
@@ -61,13 +61,13 @@ def test_a_validation_on_another_log_fits_with_the_law_alone(found, record):
     other = log(1, 10, "multisine", seed=1, seconds=20.0)
     good = validate(other, found.axis)
     linear = identify(record, find_axis("one_mass"), friction="none")
-    assert good.fit.percent > 95
-    assert validate(other, linear.axis).fit.percent < good.fit.percent - 5
+    assert good.percent > 95
+    assert validate(other, linear.axis).percent < good.percent - 5
 
 
 def test_without_errors_of_the_model_deviations_are_those_of_the_noise(found):
-    white = found.answer.fitted.deviations[: len(found.names)]
-    assert np.all((found.deviations >= white) & (found.deviations < 2 * white))
+    white, sd = found.answer.fitted.deviations[:3], found.answer.deviations[:3]
+    assert np.all((sd >= white) & (sd < 2 * white))
 
 
 @pytest.mark.slow
@@ -78,8 +78,8 @@ def test_a_constant_torque_is_an_estimate_and_no_friction():
         friction="coulomb",
     )
     assert found.axis.offset == pytest.approx(0.02, rel=0.05)
-    assert found.axis.offset == found.estimates["offset"][0]
-    values = dict(zip(found.names, found.theta, strict=True))
+    assert found.axis.offset == found.estimates["offset"]["value"]
+    values = found.estimates.loc["value"]
     assert values["f_c"] == pytest.approx(F_C, rel=0.05)
 
 
@@ -90,12 +90,13 @@ def test_what_identify_wrote_is_where_track_begins(record, found, tmp_path, caps
     found.axis.save(axis)
     again = find_axis(str(axis))
     assert again.model.laws == found.axis.model.laws
-    assert again.deviation.keys() == set(found.names)
+    assert again.deviation.keys() == {"J_m", "f_m", "f_c"}
     words = ["track", path, "--model", axis, "--identify", "1/J_m", "--identify", "f_m", "--json"]
     assert main([*map(str, words), "--estimator", "glr"]) == 0
     told = json.loads(capsys.readouterr().out)
-    assert told["last"]["1/J_m"] == pytest.approx(1 / VALUES[1]["J_m"], rel=0.05)
-    assert told["last"]["f_c"] == pytest.approx(F_C, rel=0.1)
+    last, q = told["last"], VALUES[1]  # the log determines only ratios to k_T
+    assert last["1/J_m"] * last["f_m"] == pytest.approx(q["f_m"] / q["J_m"], rel=0.05)
+    assert last["1/J_m"] * last["f_c"] == pytest.approx(F_C / q["J_m"], rel=0.1)
     assert main([*map(str, words), "--estimator", "ekf"]) == 2
     assert "glr" in capsys.readouterr().err
 
@@ -105,22 +106,23 @@ def test_a_law_that_there_is_not_is_refused(record):
         identify(record, find_axis("one_mass"), friction="dry")
 
 
-def test_the_units_of_values_are_stated(found):
+def test_the_units_of_values_are_stated(found, record):
     assert found.units.startswith("SI, if a logged torque of 1 equals 1 N m; give")
-    assert "equals 1 N; give" in replace(found, linear=True).units
-    assert replace(found, torque_unit="kNm").units == "SI"  # it was read in N m
-    known = replace(found, torque_unit="A", axis=found.axis.having({"k_T": 0.6}))
-    assert known.units == "SI, if a logged torque of 1 A equals 0.6 N m"
+    linear = replace(record, versions={"motion": "linear"})
+    assert "equals 1 N; give" in units_of(linear, 1.0)
+    assert units_of(replace(record, versions={"torque_unit": "kNm"}), 1.0) == "SI"  # read in N m
+    amperes = replace(record, versions={"torque_unit": "A"})
+    assert units_of(amperes, 0.6) == "SI, if a logged torque of 1 A equals 0.6 N m"
 
 
 @pytest.mark.slow
 def test_a_validation_can_fail(found, record, tmp_path, capsys):
     other = log(1, 10, "moves", seed=1, seconds=20.0)
-    assert validate(other, found.axis).unlike == ""
+    assert unlike(validate(other, found.axis), found.axis.usual) == ""
     heavier = validate(replace(other, torque=0.5 * other.torque), found.axis)
-    assert "a simulation from the torque explains only" in heavier.unlike
-    turned = validate(replace(other, torque=-other.torque), replace(found.axis, error=None))
-    assert turned.fit.percent < 0 and "unit or sign" in turned.unlike
+    assert "a simulation from the torque explains only" in unlike(heavier, found.axis.usual)
+    turned = validate(replace(other, torque=-other.torque), found.axis)
+    assert turned.percent < 0 and "unit or sign" in unlike(turned, None)
     here, there = tmp_path / "here.nc", tmp_path / "there.nc"
     record.save(here)
     replace(other, torque=0.5 * other.torque).save(there)
@@ -130,9 +132,12 @@ def test_a_validation_can_fail(found, record, tmp_path, capsys):
 
 
 def test_less_motion_is_a_poorer_fit_and_no_contradiction():
-    assert Fit(80.0, 0.2, 1.0).unlike(0.2) == ""
-    assert "80.0 % is expected" in Fit(60.0, 0.4, 1.0).unlike(0.2)
-    assert "explains only -3.0 %" in Fit(-3.0, 0.1, 0.097).unlike(0.1)
+    def fit(percent, left, size):
+        return SimpleNamespace(percent=percent, left=left, size=size)
+
+    assert unlike(fit(80.0, 0.2, 1.0), 0.2) == ""
+    assert "80.0 % is expected" in unlike(fit(60.0, 0.4, 1.0), 0.2)
+    assert "explains only -3.0 %" in unlike(fit(-3.0, 0.1, 0.097), 0.1)
 
 
 def test_an_axis_knows_the_rate_of_its_noise(found, tmp_path):

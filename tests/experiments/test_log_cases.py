@@ -77,7 +77,7 @@ def test_axes_of_any_size_need_no_start(scale, tmp_path):
 def test_a_torque_that_is_logged_two_samples_late_is_found(log, tmp_path):
     u, speed, _ = log
     result = found(tmp_path, columns_of(np.r_[0, 0, u[:-2]], speed))
-    assert result.estimates["delay"][0] == pytest.approx(-2 * T, rel=0.01)
+    assert result.estimates["delay"]["value"] == pytest.approx(-2 * T, rel=0.01)
     assert any("before it is logged" in one.text for one in result.findings)
     right(result)
 

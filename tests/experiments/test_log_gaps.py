@@ -44,7 +44,8 @@ def test_parameters_are_those_of_a_log_without(scenario, truth, tmp_path):
         {"k_T": 1.0, "f_l": 0.001} | {n: 0.8 * truth[n] for n in NAMES}
     )
     found = identify(record, axis, fix=("k_T", "f_l"), delay=0.0, friction="none", gravity="none")
-    np.testing.assert_allclose(found.theta, [truth[n] for n in found.names], rtol=1e-4)
+    estimates = found.estimates.loc["value", list(NAMES)]
+    np.testing.assert_allclose(estimates, [truth[n] for n in NAMES], rtol=1e-4)
     assert found.warnings == []
 
 
@@ -83,4 +84,5 @@ def test_wherever_a_gap_is(scenario, truth, rows, late, burn_in):
     axis = find_axis("two_mass").having({n: truth[n] for n in ("k_T", "f_l", *NAMES)})
     setup = Setup(log_of(record, axis), axis.model, NAMES, delay=late * record.period)
     values = np.array([truth[n] for n in NAMES])
-    np.testing.assert_allclose(setup.solve(0.9 * values).z[:5], values, rtol=1e-3)
+    started = setup.having(dict(zip(NAMES, 0.9 * values, strict=True)))
+    np.testing.assert_allclose(started.solve().z[:5], values, rtol=1e-3)
