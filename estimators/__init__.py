@@ -1,6 +1,6 @@
 """Estimators of the physical parameters of an axis from motor torque and motor angle or speed.
 
-The modules in `estimators` never read the true parameters and import no other part of the package,
+The modules in `estimators` never read the true parameters and import no other package of the suite,
 so the estimators also run on logs of a real axis. An estimator receives the torque u[k], the output
 y[k] and prior knowledge (`problem`). An estimator returns the parameter estimate θ[k] and the
 detected parameter changes (`protocol`). `models` describes the axes. `filters` and `glr` process

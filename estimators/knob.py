@@ -56,7 +56,7 @@ class Knob:
         return TRANSFORMS[self.transform](position)
 
     position = value
-    """Return the position of an option value; each transform is its own inverse."""
+    """Return the position of an option value, with the same formula as `value`."""
 
 
 def make_knob(declared: Any, defaults: Mapping[str, Any]) -> Knob:
@@ -68,9 +68,8 @@ def make_knob(declared: Any, defaults: Mapping[str, Any]) -> Knob:
     declared : str
         Declaration of the tuning parameter. ``"gain"`` declares an option whose larger values make
         the estimates faster. ``"1-lam"`` declares a forgetting factor λ with the position 1−λ.
-        ``"1/window"`` declares an option whose larger values make the estimates slower. A
-        declaration that consists of a name alone also means a forgetting factor if the default of
-        this option lies in [0.9, 1).
+        ``"1/window"`` declares an option whose larger values make the estimates slower. A name
+        alone also declares a forgetting factor if the default of the option lies in [0.9, 1).
     defaults : mapping
         Names and default values of the estimator options.
 

@@ -133,9 +133,9 @@ class Problem:
         """
         Return P(0).
 
-        If the attribute ``P0`` is set, P(0) has this value. Otherwise the paper's recipe computes
-        P(0) from the torque of a nominal motion. If no torque is given, the method returns the
-        stored P(0) of the nominal axis.
+        If the attribute ``P0`` is set, the method returns ``P0``. Otherwise the paper's recipe
+        computes P(0) from the torque of a nominal motion. If no torque is given, the method returns
+        the stored P(0) of the nominal axis.
 
         Parameters
         ----------
@@ -168,8 +168,7 @@ class Problem:
             return known
         raise EstimatorError(
             f"P(0) is known only for {', '.join(PAPER)} of the nominal axis with a sampling period "
-            "of 5 ms; for another axis, other parameters or another period, specify P0 or the "
-            "torque of a nominal run, which determines P(0)"
+            "of 5 ms; in all other cases, specify P0 or the torque of a nominal run"
         )
 
     def forgetting_options(self, name: str, forgetting: float | None) -> dict[str, Any]:
@@ -202,7 +201,7 @@ class Problem:
         """
         if walk is None:
             walk = self.tuned(name) or usual
-        above_zero("walk", walk, "the random walk after one second, relative to θ(0),")
-        above_zero("spread", spread, "the relative standard deviation of θ(0)")
+        above_zero("walk", walk, "the standard deviation of the random walk")
+        above_zero("spread", spread, "the initial standard deviation")
         prior, drift = (spread * self.theta) ** 2, self.period * (walk * self.theta) ** 2
         return make_design(self.model, **self.asked, P0=prior, drift=drift, corrects=True)

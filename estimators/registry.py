@@ -45,7 +45,7 @@ class Entry:
         Whether the estimator can identify parameters of friction and other nonlinear torques. All
         other estimators identify only parameters of the linear model.
     told_noise : bool
-        Whether the estimator uses the noise level of y if this level is known.
+        Whether the estimator uses a known noise level of y.
     """
 
     name: str

@@ -52,8 +52,9 @@ class Told(NamedTuple):
         Conditional estimate of the current parameter group, and column of P of the current
         parameter.
     drawn_P, drawn_between : (u, u) arrays
-        Weighted mean of the covariances of μ and of the conditional estimate, and covariance due to
-        the difference between these two estimates. The sum is the covariance of ``drawn``.
+        Weighted mean of the covariances of μ and of the conditional estimate, and the covariance
+        due to the difference between μ and the conditional estimate. The sum is the covariance of
+        ``drawn``.
     P : (u, u) array
         Covariance of the conditional estimate of the current parameter group.
     """
@@ -105,7 +106,7 @@ def told_arrays(
 @inlined
 def draw_estimates(told, P, theta, estimates):
     """
-    Shrink the filter's estimates towards nominal values and write q of them to ``estimates`` (q,).
+    Shrink the filter's estimates towards nominal values, and write ``estimates`` (q,).
 
     θ (p,) and P are the estimates and the covariance of the filter, which do not use the nominal
     values. The covariance of the shrunk estimates is ``drawn_P + drawn_between``.
@@ -128,8 +129,8 @@ def _draw(told, g):
     Shrink the estimates towards the nominal values of one parameter group.
 
     The conditional estimate is computed by treating each nominal value in turn as a noise-free
-    measurement. A parameter with zero conditional variance is skipped, because the previous nominal
-    values already determine its value.
+    measurement. The function skips a parameter with zero conditional variance, because the previous
+    nominal values already determine this parameter.
     """
     drawn, P, between = told.drawn, told.drawn_P, told.drawn_between
     mean, C, column = told.mean, told.P, told.column

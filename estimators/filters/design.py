@@ -52,7 +52,7 @@ class Design:
         Lower and upper bounds of η.
     noise : float
         Standard deviation of the noise in y, in the unit of y, or 0 if the filter has to estimate
-        this noise.
+        the noise.
     x0_covariance : (n, n) array
         Covariance of the n states at the first sample, without friction and other extra torques.
         The initial states have zero mean.
@@ -224,7 +224,7 @@ def finite_vector(name: str, value: ArrayLike, p: int) -> Array:
 
 
 def covariance_matrix(name: str, value: ArrayLike, p: int) -> Array:
-    """Check and return a positive definite (p, p) matrix, given in full or as its diagonal (p,)."""
+    """Check and return a positive definite matrix (p, p), given in full or by its diagonal (p,)."""
     matrix = _as_numbers(name, value)
     if matrix.shape == (p,):
         matrix = np.diag(matrix)

@@ -3,11 +3,11 @@ Detection of a sensor that does not follow the axis, and of a diverged filter th
 
 A sensor reading that repeats while the axis moves indicates a stuck or saturated sensor. Noisy
 analogue readings never repeat exactly, but encoder counts do. The speed computed from an encoder
-has an error of less than one count q per period, with a triangular distribution from −q to q and
-the variance q²/6. The true speed can therefore change by 2q = 4.9 standard deviations between two
-equal readings. A sensor counts as stuck if the prediction ŷ has changed by more than 4q since the
-sensor first returned its current reading. The filter then ignores all samples, as in a gap, until
-the reading changes. The filter also ignores later occurrences of the repeated reading, because this
+has an error of less than one count q per period, with a triangular distribution and the variance
+q²/6. The true speed can therefore change by 2q = 4.9 standard deviations between two equal
+readings. A sensor counts as stuck if the prediction ŷ has changed by more than 4q since the sensor
+first returned its current reading. The filter then ignores all samples, as in a gap, until the
+reading changes. The filter also ignores later occurrences of the repeated reading, because this
 reading could be the end of the sensor range. If the sensor later exceeds the repeated reading, this
 reading is not the end of the range, and the filter uses it again.
 
@@ -104,9 +104,9 @@ def begin_anew(state: Memory, start: Memory) -> None:
     Reset one or several filters, but keep the variables that describe the sensor.
 
     After a reset, the filter ignores y until the state errors have decayed and predicts the state
-    from the torque alone. Without this waiting time, the filter would attribute the state errors to
-    the parameters. The filter also estimates the noise variance R again after a reset. Until the
-    new R is known, the stuck-sensor detection uses the value of R before the reset.
+    from the torque alone. If the filter used y at once after a reset, it would attribute the state
+    errors to the parameters. The filter also estimates the noise variance R again after a reset.
+    Until the new R is known, the stuck-sensor detection uses the value of R before the reset.
     """
     kept = {name: np.copy(state[name]) for name in KEPT}
     kept["earlier"] = state["noise"] * (1.0 if np.max(state["anew"]) < 2.0 else np.nan)

@@ -150,10 +150,10 @@ class CompiledFilter(RecursiveEstimator):
     ----------
     loop : callable
         Function ``loop(block, at, u, y, valid, estimates, trace, laws)`` that processes samples.
-        The function writes η to ``estimates`` (N, p). It also writes ŷ, the innovation and the
-        innovation variance to ``trace`` (N, 3). The argument ``laws`` is None for a linear model.
-        The function returns the number of processed samples. A negative return value requests a
-        filter reset (`flexaxis.estimators.filters.fault_monitor`).
+        The function writes η to ``estimates`` (N, p). The columns of ``trace`` (N, 3) receive ŷ,
+        the innovation and the innovation variance. The argument ``laws`` is None for a linear
+        model. The function returns the number of processed samples. A negative return value
+        requests a filter reset (`flexaxis.estimators.filters.fault_monitor`).
     start : Memory
         State of the filter before the first sample.
     design : Design

@@ -2,7 +2,7 @@
 Forgetting rules, which are the paper's equations (9), (10) and (12) or other updates of P.
 
 `forget` selects the forgetting rule by its number. The docstrings in `flexaxis.estimators.methods`
-cite the literature on these rules.
+cite the literature on the forgetting rules.
 """
 
 import numpy as np
@@ -28,7 +28,7 @@ def forget(state, valid):
 
 @inlined
 def reset_on_alarm(state):
-    """Update the CUSUM statistic, and reset P to a large value if it exceeds the alarm level."""
+    """Update the CUSUM statistic, and reset P if the statistic exceeds the alarm level."""
     P, now = state.P, state.now[0]
     sums = now["sums"]
     square = min(now["innovation"] ** 2 / (now["quiet"] * now["scale"]), 16.0)

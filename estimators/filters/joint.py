@@ -42,7 +42,7 @@ class Joint(NamedTuple):
     P : (m, w) array
         Covariance of ξ, with rows padded with zeros.
     G, GP : (n+1, m), (n+1, w) arrays
-        The derivative ∂[x⁺; y⁺]/∂ξ, and the product of this derivative and P.
+        The derivative ∂[x⁺; y⁺]/∂ξ, and the product of ∂[x⁺; y⁺]/∂ξ and P.
     gain : (m,) array
         Gain K, multiplied by √S.
     ceiling : (p,) array

@@ -2,17 +2,18 @@
 The noise variance R of y, which the user specifies or the filter estimates.
 
 The innovation e = y − ŷ has the variance S = hᵀPh + R. One step of expectation-maximisation maps R
-to hᵀPh R/S + e² R²/S². The filter averages hᵀPh R/S + e² R²/S² over time to estimate R. This
-estimate is a recursive form of the method in *An approach to time series smoothing and forecasting
-using the EM algorithm* (Shumway and Stoffer, 1982). A sample contains little information about R if
-the uncertainty of ξ dominates S.
+to hᵀPh R/S + e² R²/S². The filter averages hᵀPh R/S + e² R²/S² over time to estimate R. The
+estimate of R is a recursive form of the method in *An approach to time series smoothing and
+forecasting using the EM algorithm* (Shumway and Stoffer, 1982). A sample contains little
+information about R if the uncertainty of ξ dominates S.
 
 A parameter change also increases the squared innovation e². The effect of a parameter change on e
 is smooth, so the third difference of e almost removes the effect. A second mean therefore uses
-(e[k] − 3e[k−1] + 3e[k−2] − e[k−3])²/20 instead of e². The use of differences follows *Residual
-variance and residual pattern in nonlinear regression* (Gasser, Sroka and Jennen-Steinmetz, 1986). R
-is the smaller of the mean of e² and the mean of the squared third difference. If the mean of e² and
-the mean of the squared third difference differ strongly, the filter adapts R more slowly.
+(e[k] − 3e[k−1] + 3e[k−2] − e[k−3])²/20 instead of e². The idea of using differences comes from
+*Residual variance and residual pattern in nonlinear regression* (Gasser, Sroka and
+Jennen-Steinmetz, 1986). R is the smaller of the mean of e² and the mean of the squared third
+difference. If the mean of e² and the mean of the squared third difference differ strongly, the
+filter adapts R more slowly.
 
 All thresholds are relative to the data, so the unit of y does not matter. If y is an angle, the
 filter measures the angle relative to the first reading. For an angle, R is at least q²/12, the

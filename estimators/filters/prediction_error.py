@@ -71,8 +71,8 @@ class Recursion(NamedTuple):
     psi, gain, before, reach : (p,) arrays
         The gradient ψ, the product Pψ, the estimate before the update, and the product Σψ.
     prior, granted : (p,) arrays
-        Diagonal of P(0), and the minimum of the upper limit on the diagonal of P. A reset of P
-        increases this minimum.
+        Diagonal of P(0), and values up to which the diagonal of P can grow in any case. A reset of
+        P increases the second array.
     regularization : (p,) array
         Weights μ.
     """
@@ -122,7 +122,7 @@ def recursion(
     """
     at_least_zero("robust", robust, "the clipping limit in standard deviations")
     if ceiling != np.inf:
-        above_zero("ceiling", ceiling, "the limit on the relative variance")
+        above_zero("ceiling", ceiling, "the variance limit")
     p, P0, prior = len(design.theta0), design.P0, np.diag(design.P0)
     arrays = first_arrays(
         design,

@@ -23,8 +23,8 @@ including the hypothesis that no parameter jumped.
 The grid of onset times becomes coarser towards the past. Level 0 of the grid contains the last
 `PER_LEVEL` onsets at the finest spacing. Each further level contains the `MORE` preceding onsets at
 twice the spacing of the level before. When an onset is `PER_LEVEL` spacings old, it moves to the
-next level if it lies on the coarser grid of that level, and is dropped otherwise. Each onset
-therefore occurs once and represents all jump times within one grid spacing.
+next level if it fits the coarser grid, and is dropped otherwise. Each onset therefore occurs once
+and represents all jump times within one grid spacing.
 """
 
 from typing import NamedTuple
@@ -68,7 +68,7 @@ def level_of(slot):
 @fused
 def correct(columns, state, e, S):
     """
-    Update all columns δ by a measurement.
+    Update the columns δ of all hypotheses by a measurement.
 
     With φ = hᵀδ/√S, the updates are J ← J + φ², d ← d + φ z and δ ← F δ − K √S φ. The function
     returns z = e/√S, or 0 if e is NaN because the measurement is missing. Before the call, the

@@ -45,7 +45,7 @@ class Waves(NamedTuple):
 
 @inlined
 def look_for_waves(b, pull, now, axis):
-    """Update the motor angle, and store the sine and cosine of each wave at this angle."""
+    """Update the motor angle, and store the sine and cosine of each wave at the new angle."""
     speed, read = axis.lanes[1, 0, 0], now["prediction"]  # mean speed of friction, the first law
     if not np.isnan(now["innovation"]):  # the angle of a wrong model would soon be wrong
         read += now["innovation"]

@@ -8,7 +8,8 @@ state with the jump applied, and processes the samples since the onset again. Ea
 Gauss–Newton step of the jump size, and at most `PASSES` steps are carried out. The comparison ranks
 the candidates by their remaining Σ e²/S and by their prior probabilities. Until one candidate leads
 clearly, the estimate is the mean over all hypotheses. After the estimator has accepted a candidate,
-it repeats the comparison with the rivals a few times, and a rival can still replace the candidate.
+the comparison with the rivals is repeated a few times. A rival can still replace the accepted
+candidate.
 """
 
 from collections.abc import Sequence
@@ -57,13 +58,13 @@ class _Candidate:
     chi2 : float
         Sum of e²/S over all samples until the onset.
     path : float
-        Log prior of this jump and of all jumps that were accepted before this jump.
+        Log prior of the candidate jump and of all jumps that were accepted before.
     spread : float
         Standard deviation of the jump size over the probable onsets in the hypothesis bank.
     instead : bool
         Whether the candidate would replace the last detected jump instead of following it.
     evidence : float
-        Log-likelihood ratio between the filter with and the filter without this candidate jump.
+        Log-likelihood ratio between the filter with and the filter without the candidate jump.
     deviation : float
         Standard deviation of the jump size.
     penalty : float
@@ -294,7 +295,7 @@ class Comparison:
         return told and not chosen.instead
 
     def _schedule(self) -> None:
-        """Schedule the next review of the last detected jump, or declare this jump final."""
+        """Schedule the next review of the last detected jump, or declare the jump final."""
         work, onset = self._work, self._last.onset
         reviews = (onset + round(part * work.timing.review) for part in REVIEWS)
         work.bank["due"] = next((at for at in reviews if at > work.now), NEVER)

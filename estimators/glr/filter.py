@@ -111,7 +111,7 @@ class Glr(RecursiveEstimator):
         estimates *= self._plain.design.scale[: len(self.names)]
 
     def _attend(self) -> None:
-        """Make the decision that is due, or postpone the decision if it exceeds the budget."""
+        """Make the decision that is due, or postpone the decision to stay within the budget."""
         work, bank = self._work, self._work.bank
         cost = int(BUDGET * (COMPARING if bank["awake"] else LEARNING))
         if work.states["anew"][0] > 0:

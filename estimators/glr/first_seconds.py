@@ -104,7 +104,7 @@ class FirstSeconds:
         work.bank["awake"] = 1
 
     def _judge(self, theta: Array, P: Array) -> None:
-        """Schedule a pass from θ (p,) if a further pass can help, or restore the best pass."""
+        """Schedule a further pass from θ (p,) if necessary, or restore the best pass so far."""
         bank, block = self._work.bank, self._work.states.block
         self._left -= 1
         if np.isfinite(P).all() and bank["cost_first"] < self._cost:

@@ -166,9 +166,8 @@ def _follow_misfit(b, s):
     Update the lower limit of the misfit κ, a running mean of e²/S multiplied by (1+ρ)/(1−ρ).
 
     The factor ρ is the correlation of successive innovations. A wrong model leads to correlated
-    innovations, and (1+ρ)/(1−ρ) of these innovations contain as much information as one independent
-    innovation. The memory of the running mean is much longer than the time covered by the
-    hypothesis bank.
+    innovations, where (1+ρ)/(1−ρ) samples contain as much information as one independent sample.
+    The memory of the running mean is much longer than the time covered by the hypothesis bank.
     """
     e, S = s["innovation"], s["innovation_variance"]
     if np.isnan(e) or not S > 0.0:

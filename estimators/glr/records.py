@@ -167,7 +167,7 @@ class Bank(NamedTuple):
     size, weight, precision, prior : (H,) arrays
         Estimated jump size, weight, prior precision 1/σ² and log prior of each hypothesis.
     onset, chi2_at, used_at : (slots,) arrays
-        Onset in each slot, and the values of the fields ``chi2`` and ``used`` at this onset.
+        Onset in each slot, and the values of the fields ``chi2`` and ``used`` at each onset.
     kept : (slots, m+1, w) array
         Filter covariance P at each onset, with the filter state ξ as an additional last row.
     mixed : (p,) array

@@ -34,8 +34,7 @@ class Workspace:
     fixable : dict of int to str
         Parameters that are fixed if the data do not excite them, with the reasons in words.
     shapes : sequence of (indices, indices)
-        Dry friction torques, and the parameters that have no effect if these friction torques are
-        zero.
+        Dry friction torques, and the parameters that have no effect without dry friction.
     angle : int
         Index of the motor angle in the state vector, for a model with the motor angle as a state.
     states : Memory
@@ -119,7 +118,7 @@ class Workspace:
         Parameters
         ----------
         xi, P : (m,), (m, w) arrays
-            Initial estimate ξ of the pass, and covariance of this estimate.
+            Initial estimate ξ of the pass, and the covariance of ξ.
         at : int
             Index of the first sample of the pass.
         first : bool
@@ -168,8 +167,8 @@ def take_up(plain: Workspace, rich: Workspace, wave: tuple[int, float, float]) -
     rich : Workspace
         Initial memory of the filter with cogging, which the function overwrites. The last three
         parameters of the filter with cogging are the sine coefficient, the cosine coefficient and
-        the number of cogging waves. The state of this filter contains the motor angle. All other
-        parameters and states agree with the filter without cogging.
+        the number of cogging waves. The state of the filter with cogging contains the motor angle.
+        All other parameters and states agree with the filter without cogging.
     wave : (waves, sine, cosine)
         Cogging wave returned by `flexaxis.estimators.glr.cogging.strongest_wave`.
     """

@@ -96,7 +96,7 @@ class OracleReset(Rpem):
     onsets : sequence of int
         Indices of the samples at which parameters change.
     forgetting : float, optional
-        Forgetting factor λ for each sample.
+        Forgetting factor λ per sample.
     spread : float
         Assumed standard deviation of a parameter change, relative to θ.
     """
@@ -110,7 +110,7 @@ class OracleReset(Rpem):
         spread: float = SPREAD,
     ) -> None:
         self._onsets = sorted(onsets)
-        self._spread = above_zero("spread", spread, "the relative standard deviation")
+        self._spread = above_zero("spread", spread, "the standard deviation of a parameter change")
         super().__init__(
             problem.model,
             **problem.forgetting_options("oracle-reset", forgetting),

@@ -44,7 +44,7 @@ def _cusum_reset(
     Parameters
     ----------
     forgetting : float, optional
-        Forgetting factor λ for each sample between two alarms.
+        Forgetting factor λ per sample between two alarms.
     reset : float
         Standard deviation of each parameter after a reset of P, relative to θ(0).
     level : float
@@ -54,7 +54,7 @@ def _cusum_reset(
     """
     rule = {
         "rule": CUSUM,
-        "reset": above_zero("reset", reset, "the relative standard deviation after a reset") ** 2,
+        "reset": above_zero("reset", reset, "the standard deviation after a reset") ** 2,
         "level": above_zero("level", level, "the alarm threshold [nats]"),
         "first": max(FIRST / problem.period, KNOWN),
         "next": NEXT / problem.period,
@@ -87,7 +87,7 @@ def _variable_forgetting(
     Parameters
     ----------
     forgetting : float, optional
-        Upper limit on the forgetting factor λ for each sample.
+        Upper limit on the forgetting factor λ per sample.
     level : float
         Ratio of residual to noise standard deviation above which the filter forgets faster.
     robust, ceiling : float
@@ -95,7 +95,7 @@ def _variable_forgetting(
     """
     rule = {
         "rule": VARIABLE,
-        "level": above_zero("level", level, "the ratio of standard deviations"),
+        "level": above_zero("level", level, "the threshold ratio"),
         "short": max(SHORT / problem.period, 2.0),
         "long": max(LONG / problem.period, 2.0),
         "least": max(1 - problem.period / FASTEST, 0.5),

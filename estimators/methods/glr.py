@@ -96,8 +96,8 @@ def glr(
         If an option is invalid.
     """
     nominal, period = problem.nominal, problem.period
-    above_zero("walk", walk, "the relative random walk after one second")
-    above_zero("spread", spread, "the relative standard deviation of θ(0)")
+    above_zero("walk", walk, "the standard deviation of the random walk")
+    above_zero("spread", spread, "the initial standard deviation")
     model = with_laws(nominal, torque=problem.torque, period=period)
     inverses = (f"1/{p}" for p in model.parameters if p not in model.law_parameters)
     track = names_of("track", track, (*model.parameters, *inverses, *TRACKED))

@@ -45,8 +45,8 @@ def joint_imm(
     Parameters
     ----------
     design : Design
-        Design as for `flexaxis.estimators.methods.ekf.joint_ekf`. The drift of the design applies
-        to the quiet mode.
+        Design as for `flexaxis.estimators.methods.ekf.joint_ekf`. The drift covariance of the
+        design applies to the quiet mode.
     jump : (p,) array_like
         Variance that each parameter θ_i gains in every sample while its jump mode is active.
     rate : float
@@ -112,7 +112,7 @@ def _imm(
     jump = (TUNED_JUMP if tuned else JUMP) if jump is None else jump
     design = problem.walk_design("imm", WALK, walk=walk, spread=spread)
     above_zero("rate", rate, "the mean rate of parameter jumps [1/s]")
-    above_zero("jump", jump, "the relative standard deviation of a parameter jump")
+    above_zero("jump", jump, "the standard deviation of parameter jumps")
     above_zero("hold", hold, "the mean duration of a parameter jump [s]")
     variance = problem.period / hold * (jump * problem.theta) ** 2
     return joint_imm(

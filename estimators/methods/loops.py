@@ -2,7 +2,7 @@
 The sample loops of the filters; each loop contains one estimation method in a few lines.
 
 The class `flexaxis.estimators.filters.filter.CompiledFilter` calls the sample loops. The arguments
-of each loop include the memory block of the filter and the positions ``at`` of the arrays in this
+of each loop include the memory block of the filter and the positions ``at`` of the arrays in the
 block. The argument ``laws`` is None for a linear model. The compiled code for a linear model does
 not contain nonlinear torques, so compilation is much faster. Each loop computes θ[k] from y[k]
 before u[k] acts on the state x.

@@ -82,7 +82,7 @@ class Rpem(CompiledFilter):
         Standard deviation of the noise in y, in the unit of y. By default, the filter estimates the
         noise from the residual.
     forgetting : float, optional
-        Forgetting factor λ of equation (9) for each sample, in the interval (0, 1]. If neither
+        Forgetting factor λ per sample in equation (9), in the interval (0, 1]. If neither
         ``forgetting`` nor ``drift`` is given, λ is 1 − T/(1 s), which corresponds to a time
         constant of 1 s.
     drift : (p,) or (p, p) array_like, optional
@@ -99,8 +99,8 @@ class Rpem(CompiledFilter):
     state_correction : bool
         Whether the filter corrects its state after every change Δθ of the estimate by x ← x + z Δθ,
         where z = ∂x/∂θ. To first order, the corrected state is the state that the new θ would have
-        produced from past inputs. The paper does not correct the state. Without this state
-        correction, the estimate follows a parameter jump more slowly and with overshoot.
+        produced from past inputs. The paper does not correct the state. Without state correction,
+        the estimate follows a parameter jump more slowly and with overshoot.
     robust : float
         Number of standard deviations to which residuals are clipped, such as 3, or 0 to disable
         clipping. Clipping prevents large estimation errors after an outlier, as described in
@@ -111,8 +111,8 @@ class Rpem(CompiledFilter):
     ceiling : float
         Upper limit on the parameter variance R̂ P_ii relative to θ(0)², unless P(0) or a reset
         allows a larger variance. As long as R̂ is unknown, P_ii is limited to 100 P(0)_ii. The
-        ceiling only has an effect if P grows up to this limit, for example during a long
-        standstill. The original method in the paper has an infinite ceiling.
+        ceiling only matters if P becomes large, for example during a long standstill. The original
+        method in the paper has an infinite ceiling.
     rule : mapping of str to float, optional
         Number and options of another forgetting rule, as defined in
         `flexaxis.estimators.filters.forgetting`.
@@ -214,7 +214,8 @@ class Rpem(CompiledFilter):
         Parameters
         ----------
         P : (p,) or (p, p) array_like
-            Covariance of the new θ for a noise variance of one, or the diagonal of this covariance.
+            Covariance matrix of the new θ for a noise variance of one, or the diagonal of the
+            matrix.
         """
         self.P = P
         self.state["X"][:, 1:] = 0.0
@@ -256,7 +257,7 @@ def rpem_forgetting(
     Parameters
     ----------
     forgetting : float, optional
-        Forgetting factor λ for each sample.
+        Forgetting factor λ per sample.
     regularization : float
         Dimensionless factor m in μ_i = m (1−λ)/P(0)_ii, which limits P_ii to P(0)_ii/m.
     state_correction, robust, ceiling : bool, float, float

@@ -315,16 +315,11 @@ def model_from_tables(tables: Mapping[str, Any]) -> Model:
     --------
     >>> model_from_tables({"model": "one_mass", "nominal": {"k_T": 1, "J_m": 2, "f_m": 3}}).states
     ('speed_motor',)
-    >>> model_from_tables({
-    ...     "model": "one_mass",
-    ...     "nominal": {"k_T": 1, "J_m": 2, "f_m": 3, "f_c": 0.1},
-    ...     "law": [{
-    ...         "kind": "static",
-    ...         "drive": {"speed_motor": 1},
-    ...         "acts": {"speed_motor": "-1/J_m"},
-    ...         "parameters": {"coulomb": "f_c", "beta": 20},
-    ...     }],
-    ... }).parameters
+    >>> values = {"k_T": 1, "J_m": 2, "f_m": 3, "f_c": 0.1}
+    >>> friction = {"kind": "static", "drive": {"speed_motor": 1}}
+    >>> friction["acts"] = {"speed_motor": "-1/J_m"}
+    >>> friction["parameters"] = {"coulomb": "f_c", "beta": 20}
+    >>> model_from_tables({"model": "one_mass", "nominal": values, "law": [friction]}).parameters
     ('k_T', 'J_m', 'f_m', 'f_c')
     """
     laws = _checked("law", list[Law], tables.get("law", []))

@@ -1,10 +1,10 @@
 """
 Compilation of functions by numba at their first call; the code serves all axis models.
 
-The decorators `compiled` and `loop` mark functions that Python calls and that numba caches. The
-other decorators mark functions that numba compiles into their callers. This module imports numba
-only when a function is compiled, because the import of numba takes longer than all other steps of
-listing the estimators.
+The decorators `compiled` and `loop` mark functions that Python calls and that numba caches. All
+other decorators in `compiler` mark functions that numba compiles into their callers. The module
+imports numba only when a function is compiled, because the import of numba takes longer than all
+other steps of listing the estimators.
 
 Numba recompiles a cached function if the source file of the function changes, but not if a source
 file of a called function changes. The name of the cache folder is therefore a digest of all source
@@ -38,8 +38,8 @@ class Compiled:
     function : callable
         Python function that numba should compile.
     kept : bool
-        Whether Python calls the function and numba caches the compiled code. Otherwise numba
-        compiles the function into its callers, and a call from Python, as in a test, runs the
+        Whether Python calls the function and numba caches the compiled code. If ``kept`` is False,
+        numba compiles the function into its callers, and a call from Python, as in a test, runs the
         uncompiled function.
     **options : Any
         Options of `numba.njit`. Unless ``_nrt`` is True, the function can create views but no
@@ -79,11 +79,11 @@ class Compiled:
 
 
 compiled = partial(Compiled, kept=True, _nrt=True)
-"""Decorator that compiles a function called from Python."""
+"""Decorator for functions that Python calls and numba compiles."""
 loop = partial(Compiled, kept=True)
-"""Decorator that compiles a function that is called from Python and creates no arrays."""
+"""Decorator for functions that Python calls and that create no arrays."""
 inlined = Compiled
-"""Decorator that compiles a function into its calling functions."""
+"""Decorator for functions that numba compiles into the calling functions."""
 fused = partial(Compiled, fastmath={"contract"})
 """Decorator like `inlined`, which also allows the compiler to round a·b + c only once."""
 embedded = partial(Compiled, forceinline=True)

@@ -46,8 +46,8 @@ def plan(
 
     For a model with nonlinear torques, the series has a larger tolerance, because the solution for
     the nonlinear torques is also less accurate. The accuracy of the series is guaranteed if each
-    parameter is within a factor of `LAW_RANGE` of its initial value. For parameters outside this
-    range, the series still converges, but without a guaranteed accuracy.
+    parameter is within a factor of `LAW_RANGE` of its initial value. If a parameter differs more
+    from its initial value, the series still converges, but without a guaranteed accuracy.
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ def _perron_root(model: Parametrization, lower: Array, upper: Array) -> float:
 
 def extended_system(model: Parametrization, theta: Array) -> tuple[Array, Array, Array]:
     """
-    Return the extended system (22), (23), with a sensitivity block z_i for each parameter.
+    Return the extended system of equations (22) and (23), with a sensitivity block z_i per θ_i.
 
     Parameters
     ----------
@@ -155,7 +155,7 @@ def sampled_system(
     model: Parametrization, theta: ArrayLike, period: float
 ) -> tuple[Array, Array, Array]:
     """
-    Return the sampled extended system (22), (23) for a torque that is constant between samples.
+    Return the extended system of equations (22) and (23), sampled for a piecewise constant torque.
 
     Parameters
     ----------

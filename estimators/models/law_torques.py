@@ -1,9 +1,9 @@
 """
-Compiled functions for the torque of each nonlinear law and for the derivatives of this torque.
+Compiled functions that compute the torque of each nonlinear law, and its derivatives.
 
 Each function writes its results to the array ``local``. The first results are the torque F, the
-law's own state s⁺ at the end of the step, and the derivatives of F and s⁺ with respect to w and s.
-The variable w is the mean value of the law's driving variable over the step. The variable s is the
+law's own state s⁺ after the step, and the derivatives of F and s⁺ with respect to w and s. The
+variable w is the mean value of the law's driving variable over the step. The variable s is the
 law's own state before the step, or the load for a law that depends on a load. From index `ROLE` on,
 ``local`` contains the derivatives of F and s⁺ with respect to each parameter of the law, in pairs.
 The module `flexaxis.estimators.models.laws` defines the torque laws and the roles of their
@@ -28,7 +28,7 @@ LEAST = 1e-100  # N m, smallest friction level of bristles, so that 1/level² re
 @inlined
 def force(kind, w, s, u, h, value, local):  # noqa: PLR0917
     """
-    Write the torque of a law and the derivatives of this torque to ``local``.
+    Compute the torque of a nonlinear law and its derivatives, and write them to ``local``.
 
     Parameters
     ----------
@@ -66,8 +66,8 @@ def _bristle(v, p, h, value, local):
     """
     Integrate the bristle torque p exactly at a constant speed v; F is the mean friction torque.
 
-    Let b = σ₀ h v, a = σ₀ h |v|/g, φ₁ = (1−e^−a)/a and φ₂ = (1−φ₁)/a. The solution for the bristle
-    torque is p⁺ = p e^−a + b φ₁, and the mean friction torque is F = p φ₁ + b φ₂ + σ₁/σ₀ (p⁺−p)/h.
+    Let b = σ₀ h v, a = σ₀ h |v|/g, φ₁ = (1−e^−a)/a and φ₂ = (1−φ₁)/a. The bristle torque after the
+    step is p⁺ = p e^−a + b φ₁. The mean friction torque is F = p φ₁ + b φ₂ + σ₁/σ₀ (p⁺−p)/h.
     """
     stiffness, tau = value[3], value[4] / value[3] / h
     level, level_v, bump, level_s = _sliding(abs(v), value)

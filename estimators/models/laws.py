@@ -7,11 +7,12 @@ derivatives of some states. The driving variable w is a linear combination of st
 The following list contains all kinds of torque law, with the roles of their parameters in brackets:
 
 bristle (coulomb, breakaway, stribeck, stiffness, damping, softness)
-    LuGre friction, which approaches Coulomb friction as the bristles become stiff. With the speed v
-    and the bristle torque p, the equations are ṗ = σ₀ [v − |v| p/g(v)], F = p + σ₁/σ₀ ṗ, and g(v) =
-    [f_c + f_s exp(−(v/v_s)²)] tanh(|v|/v_0). If v_0 is zero, the tanh factor is one. The friction
-    law comes from *A new model for control of systems with friction* (Canudas de Wit, Olsson,
-    Åström and Lischinsky, 1995).
+    LuGre friction, which approaches Coulomb friction as the bristles become stiff. The bristle
+    torque p at the speed v follows ṗ = σ₀ [v − |v| p/g(v)], and the friction torque is F = p +
+    σ₁/σ₀ ṗ. The steady-state bristle torque is g(v) = [f_c + f_s exp(−(v/v_s)²)] tanh(|v|/v_0). If
+    v_0 is zero, the factor tanh(|v|/v_0) is replaced by one. The friction law comes from *A new
+    model for control of systems with friction* (Canudas de Wit, Olsson, Åström and Lischinsky,
+    1995).
 
 static (coulomb, breakaway, alpha, beta)
     The static friction F = [f_c + f_s/cosh(α v)] tanh(β v) from *Nonlinear identification of a
@@ -28,11 +29,11 @@ sinusoid (sine, cosine, poles)
 gear (coulomb, breakaway, stribeck, sharpness, motor, external, motor_slow, external_slow,
 softness; input, stiffness, ratio)
     Friction that increases with the gear load, F = [f_c + |μ_e τ_g + μ_m τ_u| + (f_s + |μ_es τ_g +
-    μ_ms τ_u|) exp(−|v/v_s|^α)] tanh(v/v_0), where τ_u = k_T u and τ_g = r k_g x. The gear twist x
-    is the driving variable of the law ``spring`` in the same model. The friction law is model M5 in
-    *Extended friction models for the physics simulation of servo actuators* (Duclusaud, Passault,
-    Padois and Ly, arXiv:2410.08650). The paper on servo actuators uses the opposite sign for the
-    gear torque.
+    μ_ms τ_u|) exp(−|v/v_s|^α)] tanh(v/v_0). The torques in F are τ_u = k_T u and τ_g = r k_g x. The
+    gear twist x is the driving variable of the law ``spring`` in the same model. The friction law
+    is model M5 in *Extended friction models for the physics simulation of servo actuators*
+    (Duclusaud, Passault, Padois and Ly, arXiv:2410.08650). The paper on servo actuators uses the
+    opposite sign for the gear torque.
 
 clip (limit)
     The torque limit of the motor drive, where F is the input u clipped to ± the limit, minus u.
@@ -57,8 +58,8 @@ class Role(NamedTuple):
         `flexaxis.estimators.offline.structure` defines. The formula is empty if the parameter value
         cannot be guessed.
     guess : (4,) tuple of float
-        Initial estimate of the parameter, standard deviation of this estimate, lower bound and
-        upper bound, in units of ``size``.
+        Initial estimate, standard deviation, lower bound and upper bound of the parameter, in units
+        of ``size``.
     signed : bool
         Whether the parameter can be negative.
     needed : bool

@@ -17,7 +17,7 @@ from flexaxis.estimators.models.laws import LAWS
 from flexaxis.estimators.models.model import Model
 
 LEVELS = ("coulomb", "breakaway", "motor", "external", "motor_slow", "external_slow")
-"""Roles of the friction torques; a friction law has no effect if these parameters are all zero."""
+"""Roles of the friction torques; a friction law has no effect if all its friction torques are 0."""
 LEARNT = ("k_g", "J_m", "k_a", "d_g", "d_a")
 """Structural parameters of the three-mass axis, in the order in which `structure` sorts them."""
 
@@ -58,10 +58,10 @@ def structure(model: Model) -> tuple[str, ...]:
 
     The result includes springs and dampers, which act between states, and at most one inertia. The
     nominal values of springs, dampers and inertias are usually computed instead of measured, and
-    these parameters do not change in use. If the model contains springs or dampers, the result
-    includes the inertia on which the input acts, because the vibration modes determine the ratio of
-    this inertia to the other inertias. If the model contains neither springs nor dampers, the
-    inertia is excluded, because the data do not determine the scale of all torques.
+    the true values do not change in use. If the model contains springs or dampers, the result
+    includes the inertia on which the input acts, because the vibration modes determine the ratios
+    of all inertias. If the model contains neither springs nor dampers, the inertia is excluded,
+    because the data do not determine the scale of all torques.
     """
     n, terms = len(model.states), list(replace(model, laws=()).monomials())
     springs, inertias = [], []

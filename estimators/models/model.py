@@ -3,8 +3,8 @@ A grey-box model as data, with tables of formulas for A, B and C, and nonlinear 
 
 Each entry of a table is a formula in the physical parameters, such as ``"-(r^2*d_g + f_m)/J_m"``.
 The program expands each formula into monomials ``c·Πθ^e``. For any choice of identified parameters,
-the program computes the matrices, their derivatives and the tables of the compiled filters from
-these monomials.
+the program computes the matrices, their derivatives and the tables of the compiled filters from the
+monomials.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -143,7 +143,7 @@ class Model:
 
     @property
     def law_parameters(self) -> frozenset[str]:
-        """Names of the parameters of all torque laws; these parameters can be zero."""
+        """Names of the parameters of all torque laws, which are allowed to be zero."""
         return frozenset(name for law in self.laws for name in law.names)
 
     def monomials(self) -> Iterator[tuple[int, int, Monomial]]:

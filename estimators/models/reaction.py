@@ -73,8 +73,8 @@ def react(axis, h, u, X):
     u : float
         Input of the model, which is constant over the step.
     X : (N, lanes) array
-        States and output after the step. The caller computes X without the nonlinear torques, and
-        `react` corrects X.
+        States and output after the integration step. The caller computes X without the nonlinear
+        torques, and `react` corrects X.
     """
     laws, response, coupling, work = axis.laws, axis.response, axis.coupling, axis.work
     before, mean, torque = axis.lanes[0], axis.lanes[1], axis.lanes[2]
@@ -97,7 +97,7 @@ def react(axis, h, u, X):
 
 @fused
 def _differentiate(laws, coupling, work, X, mean, torque):  # noqa: PLR0917
-    """Write (I − G F_w) w̄' to ``mean`` and F' to ``torque``; their first lanes do not change."""
+    """Write (I − G F_w) w̄' to ``mean`` and F' to ``torque``, both except for the first lane."""
     L = len(laws)
     for i in range(L):
         law = laws[i]
@@ -151,9 +151,9 @@ def _search(laws, h, u, X, coupling, work, mean):  # noqa: PLR0917
     possibly far from the start. If Newton's method does not converge, w̄ moves in the direction of
     the residual, usually to the next stable solution.
 
-    The array ``mean[:, 0]`` initially contains c, and the solution w̄ overwrites it. After the
-    search, ``local`` of each law contains the torque and the derivatives at w̄, and the right half
-    of ``work`` contains (I − G F_w)⁻¹.
+    The array ``mean[:, 0]`` contains c before the search and w̄ after the search. After the search,
+    ``local`` of each law contains the torque and the derivatives at w̄, and the right half of
+    ``work`` contains (I − G F_w)⁻¹.
     """
     L = len(laws)
     for i in range(L):

@@ -6,8 +6,11 @@ tables of terms c Πθ^e. The powers of N are computed once for each sample. The
 the state transition and the derivative of the state transition with respect to each entry of N:
 
     Φ(θ) = Σ_k N^k/k!                                            transition of [x; u], (20)
+
     ∂Φ/∂N_rc ξ = Σ_j N^j e_r g_jc,  g_j = Σ_k (N^k ξ)/(j+k+1)!   its derivative by an entry of N
+
     z_i⁺ = Φ z_i + Σ_rc ∂N_rc/∂θ_i (∂Φ/∂N_rc ξ)                  sensitivities, (21)–(23)
+
     ψ_i = C z_i + ∂C/∂θ_i x⁺                                     gradient, (16), (24)
 
 Each row of X (n+1, lanes) contains a state and its derivatives. The last row of X contains the
@@ -33,10 +36,12 @@ SIZES = np.dtype(
     [(name, int) for name in ("n", "held", "order", "parts", "steps", "output")] + [("h", float)]
 )
 """
-Data type of the sizes of a model.
+Data type of the dimensions of a model.
 
-The fields are the number of states with and without nonlinear torques, the series order, the
-substeps per step, the steps per sample, the index of the first entry of C, and the step length [s].
+The fields ``n`` and ``held`` are the numbers of states with and without nonlinear torques. The
+fields ``order``, ``parts`` and ``steps`` are the series order, the substeps per step and the steps
+per sample. The field ``output`` is the index of the first entry of C, and ``h`` is the step length
+[s].
 """
 ENTRY = np.dtype(
     [(name, int) for name in ("row", "column", "first", "last")]

@@ -2,8 +2,8 @@
 Frequency responses of grey-box models, and fits of high-order ARX models.
 
 The ARX model y[k] + a₁ y[k−1] + … + a_n y[k−n] = b₁ u[k−1] + … + b_n u[k−n] + e[k] is linear in its
-coefficients, so linear least squares determines these coefficients. An ARX model of sufficiently
-high order n can describe any linear system without physical assumptions. Sections 4.2 and 10.1 of
+coefficients, so linear least squares determines the coefficients. An ARX model of sufficiently high
+order n can describe any linear system without physical assumptions. Sections 4.2 and 10.1 of
 Ljung's *System Identification* (2nd edition) describe ARX models.
 """
 

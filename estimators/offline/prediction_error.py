@@ -1,13 +1,13 @@
 """
 The prediction-error method, which fits all unknowns to a record with coloured noise.
 
-The disturbances of a real axis are not white noise. These disturbances are strongest at the
+The disturbances of a real axis are not white noise. The disturbances are strongest at the
 resonances of the axis, and a plain output-error fit favours the resonance frequencies at the
 expense of all other frequencies. The prediction-error method therefore models the residual as an
-autoregressive process. The inverse of this noise model filters the residual and the gradient, and
-the fit is repeated until it converges, as in *Generalized least squares estimation of the
-parameters of a dynamic model* (Clarke, 1967). Because the method filters the residual instead of
-the signals, it also applies to nonlinear models.
+autoregressive process. The inverse of the noise model filters the residual and the gradient, and
+the fit is repeated until convergence. The iteration follows *Generalized least squares estimation
+of the parameters of a dynamic model* (Clarke, 1967). The method filters the residual instead of the
+signals, and therefore also applies to nonlinear models.
 """
 
 from dataclasses import dataclass, replace
@@ -51,8 +51,8 @@ class Fitted:
     residual, slopes : (N,), (q, N) arrays
         Residual y − ŷ of the simulation, and the derivatives of ŷ with respect to z.
     inverse : (n+1,) array
-        Coefficients 1, a₁, …, a_n of the autoregressive noise model. These coefficients form a
-        filter that whitens the residual.
+        Coefficients 1, a₁, …, a_n of the autoregressive noise model. The coefficients form a filter
+        that whitens the residual.
     converged : bool
         Whether the fit has converged.
     """
@@ -185,11 +185,12 @@ class Problem:
         self, at: Fitted, most: int = EVALUATIONS, near: float = CONVERGED, damping: float = CAREFUL
     ) -> tuple[Fitted, bool]:
         """
-        Minimise the mean square by the Levenberg–Marquardt method; return the fit and a flag.
+        Minimise the mean square by the Levenberg–Marquardt method; return fit and convergence.
 
-        The flag states whether the search has converged. The search has converged if the distance
-        to the minimum is at most ``near`` standard deviations. The search has also converged if a
-        step reduces the misfit by no more than a step of ``near`` standard deviations would.
+        The returned flag is True if the search has converged. The search has converged if the
+        distance to the minimum is at most ``near`` standard deviations. The search has also
+        converged if a step reduces the misfit by no more than a step of ``near`` standard
+        deviations would.
         """
         for _ in range(most):
             if not np.isfinite(at.square):

@@ -128,12 +128,12 @@ def default_drift(
     Return the default diagonal of the drift covariance Δ.
 
     If ``torque`` is given, Δ_ii = (T/τ_i)²/Q_ii, where Q_ii is the mean of ψ_i² for this torque.
-    With this Δ, the estimate of θ_i follows parameter changes with the time constant τ_i,
-    regardless of the units. If the poles of the model are similar to the poles of the nominal axis,
-    τ_i are the time constants that equation (32) implies for the nominal axis. For any other model,
-    all τ_i equal the geometric mean of these nominal time constants. Without a torque, Δ is given
-    by equation (32) for the nominal axis, and is proportional to θ_i² for any other axis. The
-    default Δ is proportional to T² in all cases.
+    The estimate of θ_i then follows parameter changes with the time constant τ_i, regardless of the
+    units. If the poles of the model are similar to the poles of the nominal axis, τ_i are the time
+    constants that equation (32) implies for the nominal axis. For any other model, all τ_i equal
+    the geometric mean of the time constants for the nominal axis. Without a torque, Δ is given by
+    equation (32) for the nominal axis, and is proportional to θ_i² for any other axis. The default
+    Δ is proportional to T² in all cases.
 
     Parameters
     ----------
@@ -265,8 +265,8 @@ def drift_for(
     By default, Δ is diagonal with Δ_ii = 1/(τ_i² Q_ii), where τ_i is the time constant in samples.
     The diagonal Δ is exact if the parameter gradients are uncorrelated, because then P_ii Q_ii =
     1/τ_i. If the gradients are correlated, the estimates slow each other down. The option
-    ``coupled`` accounts for this correlation with Δ = D Q⁻¹ D and D = diag(1/τ_i). The coupled Δ is
-    exact for equal time constants.
+    ``coupled`` accounts for correlated gradients with Δ = D Q⁻¹ D, where D = diag(1/τ_i). The
+    coupled Δ is exact for equal time constants.
 
     Parameters
     ----------

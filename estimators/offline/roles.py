@@ -88,7 +88,7 @@ def refuse_zero(thought: Prior) -> None:
 
 
 def known_better(model: Model, thought: Prior, deviations: Mapping[str, float]) -> Prior:
-    """Return the prior with its standard deviations replaced by those in ``deviations``."""
+    """Return the prior after replacing some standard deviations by those in ``deviations``."""
     if not isinstance(deviations, Mapping):
         raise EstimatorError(
             f"deviations is {deviations!r}; give a mapping from name to standard deviation"

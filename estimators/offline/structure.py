@@ -144,11 +144,11 @@ def state_sizes(model: Model, torque: ArrayLike | None, period: float) -> Array:
 
 def _force(model: Model, acts: Array) -> float:
     """
-    Return the torque of a torque law that has the same effect as a unit input.
+    Return the magnitude of a law's torque that has the same effect as a unit input.
 
     The function compares the effects on a state on which both the law and the input act. If no such
-    state exists, as for load friction, the function compares the effects on the output at the
-    frequency of the slowest pole, where the axis is almost rigid.
+    state exists, as for load friction, the function compares the effects on the output. This
+    comparison uses the frequency of the slowest pole, where the axis is almost rigid.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The simulated output of a model for a record, and its derivatives by all unknowns."""
+"""The simulated output of a model for a record, and derivatives by all unknowns."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -26,8 +26,8 @@ def delayed(u: ArrayLike, samples: float, *, smooth: bool = False) -> Array:
     """
     Return the mean torque (N,) that a delayed torque exerts during each sample.
 
-    A piecewise constant torque u with a delay of n + δ samples equals u[k−n−1] during the first
-    fraction δ of sample k, and u[k−n] during the rest of the sample. The mean torque is the linear
+    If a piecewise constant torque u is delayed by n + δ samples, the delayed torque equals u[k−n−1]
+    during the first fraction δ of sample k, and u[k−n] afterwards. The mean torque is the linear
     interpolation (1−δ) u[k−n] + δ u[k−n−1]. At the end of each sample, an inertia has exactly the
     same speed with the mean torque as with the delayed torque. If u is sampled from a smooth
     signal, such as a measured current, the function interpolates u with a cubic spline instead.
