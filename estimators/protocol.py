@@ -164,7 +164,7 @@ def numbers_of(returned: ArrayLike, call: Callable[..., object]) -> NDArray[np.f
     Parameters
     ----------
     returned : array_like
-        Value that the call returned.
+        Value that the user's function returned.
     call : callable
         Function that returned the value, which the error message names.
 

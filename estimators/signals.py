@@ -25,7 +25,7 @@ def increment(model: Model, period: float) -> Model:
     Parameters
     ----------
     model : Model
-        Model whose output is the speed.
+        Axis model whose output is the motor speed.
     period : float
         Sampling period T [s].
 
@@ -54,7 +54,7 @@ def counted_angle(model: Model) -> Model:
     Parameters
     ----------
     model : Model
-        Model whose output is the speed.
+        Axis model whose output is the motor speed.
     """
     C = (*["0"] * len(model.states), "1")
     return replace(with_angle(model, "angle_read"), name=f"{model.name}, angle", C=C)
@@ -130,8 +130,7 @@ def increments(
     angles : (N,) array
         Angles φ [rad].
     valid : (N,) bool array
-        For each angle, whether the angle is valid. A missing angle makes two angle increments
-        invalid.
+        Mask that is True for valid angles. A missing angle makes two angle increments invalid.
     before : float
         Angle one sample before the first element of ``angles`` [rad], or NaN.
     period : float

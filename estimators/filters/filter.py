@@ -31,7 +31,7 @@ class RecursiveEstimator(ABC):
     Attributes
     ----------
     names, output : tuple of str, str
-        Values passed to the constructor.
+        Parameter names and output signal, as passed to the constructor.
     theta : (p,) array
         Current parameter estimate θ[k].
     covariance : (p, p) array

@@ -72,7 +72,7 @@ class Recursion(NamedTuple):
         The gradient ψ, the product Pψ, the estimate before the update, and the product Σψ.
     prior, granted : (p,) arrays
         Diagonal of P(0), and values up to which the diagonal of P can grow in any case. A reset of
-        P increases the second array.
+        P increases ``granted``.
     regularization : (p,) array
         Weights μ.
     """

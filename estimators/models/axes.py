@@ -315,6 +315,7 @@ def model_from_tables(tables: Mapping[str, Any]) -> Model:
     --------
     >>> model_from_tables({"model": "one_mass", "nominal": {"k_T": 1, "J_m": 2, "f_m": 3}}).states
     ('speed_motor',)
+
     >>> values = {"k_T": 1, "J_m": 2, "f_m": 3, "f_c": 0.1}
     >>> friction = {"kind": "static", "drive": {"speed_motor": 1}}
     >>> friction["acts"] = {"speed_motor": "-1/J_m"}

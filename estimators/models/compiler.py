@@ -97,11 +97,11 @@ def _alone(name: str) -> Iterator[None]:
     """Make other processes that need a function wait until the compiled function is cached."""
     folder, collects = cache_folder(), gc.isenabled()
     if folder is None:
-        _tell("again in every process, because no cache folder is writable")
+        _tell("compiling filters in every process, because no cache folder is writable")
     else:
         with suppress(FileExistsError):  # another process has begun and printed the message
             (folder / "begun").open("x").close()
-            _tell(f"once on this machine (a minute or two), into {folder}")
+            _tell(f"compiling filters once on this machine (a minute or two), into {folder}")
     lock = sqlite3.connect(folder / f"{name}.lock" if folder else ":memory:", timeout=3600)
     gc.disable()  # garbage collection takes a sixth of the time and frees almost nothing
     try:
@@ -163,8 +163,8 @@ def is_uncompiled() -> bool:
 
 
 @lru_cache
-def _tell(how: str) -> None:
-    print(f"flexaxis: compiling filters {how} …", file=sys.stderr, flush=True)
+def _tell(message: str) -> None:
+    print(f"flexaxis: {message} …", file=sys.stderr, flush=True)
 
 
 def digest(folder: Path) -> str:

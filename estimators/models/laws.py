@@ -69,7 +69,7 @@ class Role(NamedTuple):
     fixable : bool
         Whether the parameter is fixed if the initialisation data do not excite it.
     shared : bool
-        Whether the parameter also belongs to the linear model.
+        Whether the parameter of the law is also a parameter of the linear model.
     """
 
     size: str = ""

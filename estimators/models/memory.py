@@ -127,7 +127,7 @@ def _view(dtype: np.dtype, dimensions: int) -> Callable:
 
 
 def register() -> None:
-    """Tell numba how to compile `views`."""
+    """Register the function `views` with numba, so that compiled code can call it."""
     from numba import from_dtype, types
     from numba.extending import lower_builtin, type_callable
 

@@ -264,7 +264,7 @@ def drift_for(
 
     By default, Δ is diagonal with Δ_ii = 1/(τ_i² Q_ii), where τ_i is the time constant in samples.
     The diagonal Δ is exact if the parameter gradients are uncorrelated, because then P_ii Q_ii =
-    1/τ_i. If the gradients are correlated, the estimates slow each other down. The option
+    1/τ_i. If the parameter gradients are correlated, the estimates slow each other down. The option
     ``coupled`` accounts for correlated gradients with Δ = D Q⁻¹ D, where D = diag(1/τ_i). The
     coupled Δ is exact for equal time constants.
 

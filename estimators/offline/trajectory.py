@@ -171,7 +171,7 @@ class Trajectory:
         return list(pairwise([*self.begins, len(self.u) - 1]))
 
     def _simulated(self, z: Array) -> tuple[Array, Array]:
-        """Return ŷ (N,), and derivatives (q, N) by θ and states in step-by-step integration."""
+        """Return ŷ (N,) and the derivatives (q, N) that step-by-step integration provides."""
         p, theta, free = self.p, z[: self.p], self.free
         torque = delayed(self.u, z[-1] / self.period, smooth=self.smooth) + z[-2]
         torque += z[p : self.first] @ self.beside if len(self.beside) else 0.0
