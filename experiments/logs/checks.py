@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -25,7 +24,7 @@ from flexaxis.experiments.logs.units import SI
 from flexaxis.sim.record import Record
 
 Row = tuple[Any, ...]
-"""Kind and text of a finding, and optionally the command-line option that solves the problem."""
+"""Severity and text of a finding, and optionally the option that solves the problem."""
 
 FASTEST = 1e4  # maximum plausible motor speed [rad/s]; even milling spindles are slower
 MISSING, CLIPPED = 20.0, 1.0  # maximum percentages of missing and clipped samples of a usable log
@@ -43,15 +42,15 @@ LOWEST = 0.1  # fraction of the power of the torque that counts as low-frequency
 _TURN = 2 * np.pi
 RATIOS = {"speed=rpm": 60 / _TURN, "speed=deg/s": 360 / _TURN, "speed=rev/s": 1 / _TURN,
           "angle=deg": _TURN / 360}  # fmt: skip
-"""Ratio of speed to slope of the angle if a signal has the unit in the key but is read as SI."""
+"""Ratio of speed to slope of the angle, if a signal in the unit of the key is read as SI."""
 OTHERS = {"time": "ms or us", "angle": "deg, rev or mm", "speed": "rpm, deg/s or mm/s"}
-"""Usual units of each signal that are not the assumed unit."""
+"""Common units of each signal, other than the unit that flexaxis assumes."""
 _MEASURED = re.compile(r"meas|actual|\bact\b|_act|current|_ad|feedback|\bi_?q\b|effort", re.I)
 _COMMAND = re.compile(r"ref|cmd|command|set|desired|demand|target", re.I)
 
 
 def examine(raw: Raw, record: Record, remarks: list[str]) -> tuple[Finding, ...]:
-    """Return the findings of all checks.
+    """Return the findings of all checks of a log.
 
     If the motion has outliers, the signs are not checked, because outliers hide the relation
     between torque and motion.
@@ -61,13 +60,16 @@ def examine(raw: Raw, record: Record, remarks: list[str]) -> tuple[Finding, ...]
     raw : Raw
         Signals of the log at the logged sampling times.
     record : Record
-        Record of the same signals with even sampling.
+        Record of the log with even sampling.
     remarks : list of str
-        Sentences on rows that were omitted.
+        Sentences on rows of the log that were omitted.
     """
     motion = raw.signals[raw.motion]
     known = np.isfinite(motion)
     times = raw.time[known][outliers(motion[known])]
+    torque = "the torque is {torque} between samples ({torque_because})".format(**record.versions)
+    if raw.unit.get("torque") in ("V", "mV"):
+        torque += ". The torque column contains a voltage, so f_m includes damping by back-EMF"
     rows = {
         "time stamps": time_stamps(raw, record, remarks),
         "wrapping of the angle": wrapping(raw),
@@ -75,7 +77,7 @@ def examine(raw: Raw, record: Record, remarks: list[str]) -> tuple[Finding, ...]
         "clocks": clocks(raw, record.period),
         "units": units(raw, record.period),
         "resolution": coarse(raw, motion[known]),
-        "torque between samples": torque(raw, record.versions),
+        "torque between samples": ("info", torque),
         "outliers of the motion": outlying(raw.motion, times),
         "signs of torque and motion": None if len(times) else sign(record),
     }
@@ -90,8 +92,8 @@ def time_stamps(raw: Raw, record: Record, remarks: list[str]) -> Row:
     texts = [f"{rate:.6g} Hz, {len(valid)} samples, {len(valid) / rate:.4g} s", *remarks]
     if len(gaps):
         texts.append(
-            f"{missing:.2g} % missing in {len(gaps)} gaps (the longest lasts "
-            f"{gaps.max() / rate:.3g} s); samples in gaps are ignored"
+            f"{missing:.2g} % of the samples are missing (number of gaps: {len(gaps)}, longest "
+            f"gap: {gaps.max() / rate:.3g} s); samples in gaps are ignored"
         )
     # an increment also needs the sample before, so a missing row is a gap of two samples
     if np.std(steps - np.rint(steps)) > JITTER or (missing >= ROUNDED and gaps.max() <= 2):
@@ -110,17 +112,17 @@ def wrapping(raw: Raw) -> Row | None:
         return None
     fastest = float(np.nanmax(np.abs(np.diff(raw.signals["angle"])))) / raw.turn
     if fastest < WRAPS:
-        return "info", f"unwrapped an angle that wraps every {raw.turn:.6g} rad"
+        return "info", f"the angle wraps every {raw.turn:.6g} rad, so flexaxis unwrapped the angle"
     text = (
-        f"the angle moves by up to {fastest:.2g} turns per sample. Above half a turn, the "
-        "direction is ambiguous. Log the angle without wrapping or at a higher rate, or use the "
-        "speed"
+        f"the angle moves by up to {fastest:.2g} turns per sample. If an angle moves by more than "
+        "half a turn per sample, its direction is ambiguous. Log the angle without wrapping or at "
+        "a higher rate, or use the speed"
     )
     return "problem", text, "--speed COLUMN instead of --angle"
 
 
 def clipping(u: Array) -> Row:
-    """Return a finding on whether the torque (N,) stays at a limit for three or more samples."""
+    """Return a finding that states whether successive torques u (N,) are at the same limit."""
     u = u[np.isfinite(u)]
     limit = (u == u.max()) | (u == u.min())
     share = 100 * float(np.mean(limit[2:] & limit[1:-1] & limit[:-2]))
@@ -128,8 +130,9 @@ def clipping(u: Array) -> Row:
         return "ok", "the torque is not clipped"
     text = (
         f"the torque is at its limit of {np.abs(u).max():.4g} for {share:.2g} % of the "
-        "time. The limit is harmless if this torque really acted on the axis. If the log contains "
-        "a command or a saturated sensor signal, log the real torque, or reduce the excitation"
+        "time. This limit is harmless if the logged torque really acted on the axis. If the log "
+        "contains a command or a saturated sensor signal, log the real torque, or reduce the "
+        "excitation"
     )
     return "note" if share < CLIPPED else "problem", text
 
@@ -144,7 +147,8 @@ def clocks(raw: Raw, period: float) -> Row:
     n = max(slow.values())
     text = (
         f"only every {n}th sample of {' and '.join(slow)} is new, and the other samples are "
-        "repeated or interpolated. Log torque and motion with one clock, or reduce the rate"
+        "repeated or interpolated. Log torque and motion with one clock, or reduce the sampling "
+        "rate"
     )
     return "problem", text, f"--resample {1 / period / n:.6g}"
 
@@ -157,7 +161,8 @@ def coarse(raw: Raw, motion: Array) -> Row | None:
     turn = f" ({_TURN / step:.4g} a turn)" if name == "angle" and not raw.linear else ""
     return (
         "info",
-        f"the {name} has steps of {step:.4g} {SI[name]}{turn}, which cause most of its noise",
+        f"the {name} has steps of {step:.4g} {SI[name]}{turn}, which cause most of the noise of "
+        "this signal",
     )
 
 
@@ -166,45 +171,45 @@ def units(raw: Raw, period: float) -> Row:
     doubtful = {*raw.signals, *["time"] * (period >= SECONDS)} - raw.unit.keys()
     assumed = [name for name in OTHERS if name in doubtful]
     if not assumed:
-        return "ok", "all units are stated or certain"
-    taken = " and ".join(f"the {name} in {SI[name]}, not in {OTHERS[name]}" for name in assumed)
+        return "ok", "the log or the options state all units"
+    taken = " and ".join(f"the {name} in {SI[name]} (not {OTHERS[name]})" for name in assumed)
     text = (
-        f"the log does not state all units, so flexaxis assumes {taken}. A wrong unit scales the "
-        "estimates without any warning. Give the true unit"
+        f"the log does not state all units, so flexaxis assumes {taken}. With a wrong unit, all "
+        "estimates are scaled, and no other check can detect this error. Give the true unit"
     )
     return "note", text, " ".join(f"--unit {name}=UNIT" for name in assumed)
 
 
 def refuse_nonsense(raw: Raw, record: Record) -> None:
-    """Raise a LogError if a signal is implausible in its unit.
+    """Raise a LogError if the unit of a signal is implausible.
 
     A unit that the file or an option states is rejected only if the ratio of the speed to the slope
     of the angle shows that this unit is wrong.
     """
     if 355 < raw.turn < 365 and "angle" not in raw.unit:
         raise LogError(
-            "the angle jumps by 360 between samples, so it is probably a wrapped angle in "
+            "the angle jumps by 360 between samples, so this is probably a wrapped angle in "
             "degrees. Give --unit angle=deg, or give --unit angle=rad if the angle is in rad"
         )
-    ok, both = valid_of(record), {"angle": record.increment, "speed": record.speed}
-    speeds = {name: values[ok] for name, values in both.items() if values is not None}
-    if len(speeds) > 1:
-        slope, speed = speeds.values()
+    ok, motion = valid_of(record), raw.motion
+    if record.increment is not None and record.speed is not None:
+        slope, speed = record.increment[ok], record.speed[ok]
         ratio = abs(float(slope @ speed / (slope @ slope)))
         for unit, usual in RATIOS.items():
             if abs(ratio / usual - 1) < SAME:
                 raise LogError(
-                    f"the speed is {ratio:.3g} times the slope of the angle, so one of these units "
-                    f"is wrong. Give --unit {unit}, or correct the unit of the other signal"
+                    f"the speed is {ratio:.3g} times the slope of the angle, so the unit of one of "
+                    f"these two signals is wrong. Give --unit {unit}, or correct the unit of the "
+                    "other signal"
                 )
-    for name in speeds.keys() - raw.unit.keys():
-        fast = float(np.percentile(abs(speeds[name]), USUAL))
-        if fast > FASTEST:
-            raise LogError(
-                f"the motor would turn at {fast:.3g} rad/s. Is the {name} in deg, rpm or counts? "
-                f"Give --unit {name}=… or --scale {name}=FACTOR. If the unit of the time is wrong, "
-                f"give --unit time=…. If the speed is correct, give --unit {name}={SI[name]}"
-            )
+    fast = float(np.percentile(abs(output_of(record)[1][ok]), USUAL))
+    if fast > FASTEST and motion not in raw.unit:
+        raise LogError(
+            f"in the assumed units, the motor would turn at {fast:.3g} rad/s. Is the {motion} in "
+            f"{OTHERS[motion]}, or in counts? Give --unit {motion}=UNIT or "
+            f"--scale {motion}=FACTOR. If the unit of the time is wrong, give --unit time=UNIT. If "
+            f"the motor really turns so fast, give --unit {motion}={SI[motion]}"
+        )
 
 
 def outlying(name: str, times: Array) -> Row:
@@ -214,8 +219,9 @@ def outlying(name: str, times: Array) -> Row:
     at = ", ".join(f"{t:.6g}" for t in times[:4]) + " …" * (len(times) > 4)
     text = (
         f"the {name} jumps and returns within a few samples at {at} s ({len(times)} samples). No "
-        "axis can move in this way, and such samples spoil all estimates. Empty these cells of the "
-        "log, because empty cells are ignored. If a counter wraps at these times, give --counts N"
+        "axis can move in this way, and such outliers spoil all estimates. Empty the cells with "
+        "outliers in the log, because empty cells are ignored. If an encoder counter wraps at "
+        "these times, give --counts N"
     )
     return "problem", text
 
@@ -224,9 +230,9 @@ def outliers(x: Array) -> Flags:
     """Return flags (N,) of outliers, which differ from their neighbours for at most three samples.
 
     A Hampel filter compares the distance of a sample from the median of seven samples with the 95th
-    percentile of all distances. Without noise, the distance is 0 while the motion keeps its
-    direction, and at most a few moves per sample when the motion reverses. Therefore the distance
-    of an outlier must also exceed five times the 95th percentile of the moves per sample.
+    percentile of all distances. In a signal without noise, the distance is 0 while the motion keeps
+    its direction, and the distance is small when the motion reverses. Therefore the distance of an
+    outlier must also exceed five times the 95th percentile of the moves per sample.
 
     Examples
     --------
@@ -242,11 +248,11 @@ def outliers(x: Array) -> Flags:
 
 
 def sign(record: Record) -> Row:
-    """Return a finding on the signs of torque and motion.
+    """Return a finding that states whether torque and motion have opposite signs.
 
     At the lowest excited frequencies, an axis behaves like an inertia with friction. Therefore the
     acceleration leads the torque by 0 to 90°. Moreover, the mean power of the torque is positive,
-    because friction only dissipates power.
+    because friction can only dissipate power.
     """
     ok, T, u, (output, speed) = valid_of(record), record.period, record.torque, output_of(record)
     s = spectra(u[ok], speed[ok], T)
@@ -256,7 +262,7 @@ def sign(record: Record) -> Row:
     # torque k acts on [t_k, t_{k+1}), so its power is computed from the mean speed in that interval
     moving = speed[1:] if output == "increment" else speed[1:] + speed[:-1]
     if along >= 0 or (u[:-1] * moving)[ok[:-1]].sum() >= 0:
-        return "ok", "the torque drives the motion"
+        return "ok", "torque and motion have consistent signs"
     text = "torque and motion have opposite signs. Reverse the sign of one of these signals"
     return "problem", text, "--scale torque=-1"
 
@@ -265,26 +271,19 @@ def torque_kind(raw: Raw, stated: str | None, column: str) -> tuple[str, str]:
     """Return whether a torque is held or smooth between samples, and the reason for this choice.
 
     A command jumps at each sample and is constant until the next sample. A measured current also
-    changes between samples. The wrong choice causes a delay error of half a sample.
+    changes between samples. If a command is treated as smooth, or a current as held, the estimated
+    delay has an error of half a sample.
     """
     u = raw.signals["torque"][:LONGEST]
     if stated is not None:
         return stated, "as stated"
     if len(np.unique(u)) <= LEVELS or np.mean(np.diff(u) == 0) > STANDS:
-        return "held", "as the repeated values show"
+        return "held", "because the log repeats values"
     measured = _MEASURED.search(column) and not _COMMAND.search(column)
     kind, other = ("smooth", "a command") if measured else ("held", "a measured current")
     option = "--torque-is held" if measured else "--torque-is smooth"
     because = (
-        f"assumed from the column name {column}; for {other}, give {option}, because the wrong "
-        "choice causes a delay error of half a sample"
+        f"assumed from the column name {column}; if the column contains {other}, give {option}, "
+        "or the delay will have an error of half a sample"
     )
     return kind, because
-
-
-def torque(raw: Raw, about: Mapping[str, str]) -> Row:
-    """Return a finding on the torque between samples."""
-    text = f"the torque is {about['torque']} between samples ({about['torque_because']})"
-    if raw.unit.get("torque") in ("V", "mV"):
-        text += ". The torque is logged as a voltage, so f_m includes the damping due to back-EMF"
-    return "info", text

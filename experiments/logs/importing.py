@@ -27,12 +27,12 @@ RESTING = 0.05  # maximum initial speed of an axis at rest, relative to the std 
 FEWEST = 200  # minimum number of samples
 MOST_GAPS = 10  # maximum ratio of samples on the even grid to samples in the log
 NEAR = 0.05  # maximum ignored distance of a time stamp from the even grid, in sampling periods
-SLOWEST = 1.01  # longest sampling period [s]; spectra are averaged over pieces of four seconds
+SLOWEST = 0.99  # longest sampling period [s]; spectra are averaged over segments of four seconds
 WHOLE = 0.02  # maximum relative difference between a new rate and an integer fraction of the rate
 
 
 class Imported(NamedTuple):
-    """A record, and the findings of the checks of the log."""
+    """The record of a log, and the findings of all checks of this log."""
 
     record: Record
     checks: tuple[Finding, ...]
@@ -41,24 +41,24 @@ class Imported(NamedTuple):
 def import_log(path: Path, *, burn_in: float | None = None, **tables: Any) -> Imported:
     """Read and check a log and convert it to a record, or load a record that flexaxis wrote.
 
-    For a record, `burn_in` is the only allowed option. A record is not checked again, because the
-    page of its import shows the results of the checks.
+    For a record, `burn_in` is the only allowed option. A record is not checked again, because
+    flexaxis checked the log when it wrote the record.
 
     Parameters
     ----------
     path : Path
         A CSV, MAT, HDF5 or NetCDF file (see `read.open_log`), or a record.
     burn_in : float, optional
-        Length of the initial part that is not fitted [s]. The default is 0 if the log starts at
-        rest, else 1 s or a tenth of the log, whichever is shorter.
+        Length of the initial part of the log that is not fitted [s]. The default is 0 if the log
+        starts at rest, else 1 s or a tenth of the log, whichever is shorter.
     **tables
-        Options, which are the attributes of `LogMap`.
+        Options for reading the log, which are the attributes of `LogMap`.
 
     Raises
     ------
     LogError
-        If the log cannot be used, or if an option does not apply to a record. The message begins
-        with the path.
+        If the log cannot be used, or if an option does not apply to a record. The error message
+        begins with the path of the log.
     """
     record = None
     checks: tuple[Finding, ...] = ()
@@ -70,8 +70,8 @@ def import_log(path: Path, *, burn_in: float | None = None, **tables: Any) -> Im
         elif tables:
             raise LogError(
                 "is a record that flexaxis wrote, with signals in SI units and even sampling. The "
-                f"options --{', --'.join(tables).replace('_', '-')} are for logs. Use them to "
-                f"import {record.versions.get('log', 'the log')}"
+                f"options --{', --'.join(tables).replace('_', '-')} apply only to logs. Use these "
+                f"options when you import {record.versions.get('log', 'the log')}"
             )
         seconds = len(record.time) * record.period
         left_out = record.burn_in if burn_in is None else burn_in
@@ -90,8 +90,9 @@ def _imported(path: Path, mapping: LogMap) -> Imported:
     kind, because = torque_kind(raw, mapping.torque_is, mapping.torque or "torque")
     record = _record(*_on_grid(raw, kind == "smooth"), mapping.resample)
     refuse_nonsense(raw, record)
-    scaled = abs(mapping.scale.get("torque", 1.0)) != 1
-    unit = "Nm" if scaled else raw.unit.get("torque", "")
+    unit = raw.unit.get("torque", "")
+    if abs(mapping.scale.get("torque", 1.0)) != 1:
+        unit = "Nm"
     about = {
         "flexaxis": version("flexaxis"), "log": path.name, "torque": kind,
         "torque_because": because, "motion": "linear" if raw.linear else "rotary",
@@ -104,8 +105,8 @@ def _imported(path: Path, mapping: LogMap) -> Imported:
 def cleaned(raw: Raw) -> tuple[Raw, list[str]]:
     """Return the original samples of a log with an unwrapped angle, and remarks on omitted rows.
 
-    Rows without a time stamp are omitted. If torque and motion were interpolated to a faster grid,
-    only the rows with original samples are returned.
+    Rows of the log without a time stamp are omitted. If torque and motion were interpolated to a
+    faster grid, only the rows with original samples are returned.
 
     Raises
     ------
@@ -115,21 +116,23 @@ def cleaned(raw: Raw) -> tuple[Raw, list[str]]:
     raw, remarks = raw.part(np.isfinite(raw.time)), []
     for name, values in {"time": raw.time, **raw.signals}.items():
         if (count := int(np.isfinite(values).sum())) < FEWEST:
-            raise LogError(f"{name} has {count} samples, but at least {FEWEST} are needed")
+            raise LogError(f"{name} has {count} samples, but a log needs at least {FEWEST}")
     back = np.flatnonzero(np.diff(raw.time) <= 0) + 1
     if len(back):
         before, after = raw.time[back[0] - 1 : back[0] + 1] - raw.time[0]
         raise LogError(
             f"at row {back[0]}, the time since the start changes from {before:.9g} s to "
-            f"{after:.9g} s. The time does not advance at {len(back)} rows. If a new log begins "
-            f"there, select one log with --rows 0:{back[0]} or --rows {back[0]}:. Otherwise remove "
-            "rows that are repeated or out of order. If the sampling was even, you can give "
+            f"{after:.9g} s. The time does not advance at {len(back)} rows. If a new log begins at "
+            f"row {back[0]}, select one log with --rows 0:{back[0]} or --rows {back[0]}:. If not, "
+            "remove rows that are repeated or out of order. If the sampling was even, you can give "
             "--rate HZ instead of the time column"
         )
     n, first, lines = updates = rhythm(raw.signals["torque"])
     if lines and updates == rhythm(raw.signals[raw.motion]):
         raw = raw.part(slice(first, None, n))
-        remarks = [f"torque and {raw.motion} are interpolated, so only every {n}th row is used"]
+        remarks = [
+            f"torque and {raw.motion} were interpolated, so flexaxis uses only every {n}th row"
+        ]
     if raw.motion == "angle":
         angle = raw.signals["angle"]
         known = np.isfinite(angle)
@@ -141,7 +144,7 @@ def cleaned(raw: Raw) -> tuple[Raw, list[str]]:
 def _on_grid(raw: Raw, smooth: bool) -> tuple[Array, dict[str, Array], Flags]:
     """Return an even time grid (N,), the signals on this grid, and flags of known samples (N,).
 
-    Torques are means over [t_k, t_{k+1}).
+    The torque of sample k is the mean over the interval [t_k, t_{k+1}).
     """
     steps = np.diff(raw.time)
     places = np.r_[0, np.cumsum(np.maximum(np.rint(steps / np.median(steps)), 1))]
@@ -151,13 +154,13 @@ def _on_grid(raw: Raw, smooth: bool) -> tuple[Array, dict[str, Array], Flags]:
     if (np.diff(index) <= 0).any() or index[-1] > MOST_GAPS * len(index):
         raise LogError(
             f"the time stamps are too irregular, with steps of {steps.min():.3g} s to "
-            f"{steps.max():.3g} s; resample the log first. If the sampling was in fact even, give "
+            f"{steps.max():.3g} s. Resample the log first. If the sampling was in fact even, give "
             "--rate HZ instead of the time column"
         )
-    if period > SLOWEST or (period >= 1 and "time" not in raw.unit):
+    if period > SLOWEST:
         raise LogError(
             f"a sampling period of {period:.3g} s is too long for an axis. Is the time in ms, us "
-            "or ns? Give the unit, such as --unit time=us. If it is in s, give --unit time=s"
+            "or ns? Give the unit, such as --unit time=us"
         )
     time = raw.time[0] + period * np.arange(index[-1] + 1.0)
     near = np.max(abs(raw.time - time[index])) <= NEAR * period
@@ -176,7 +179,7 @@ def _on_grid(raw: Raw, smooth: bool) -> tuple[Array, dict[str, Array], Flags]:
 
 
 def _record(time: Array, signals: dict[str, Array], valid: Flags, rate: float | None) -> Record:
-    """Return the record of signals with even sampling, at a reduced rate if `rate` is given.
+    """Return the record of evenly sampled signals. `rate` reduces the sampling rate [Hz].
 
     If the rate is reduced, all signals pass through the same zero-phase low-pass filter. The torque
     is then averaged over each new sampling period.
@@ -203,8 +206,8 @@ def _record(time: Array, signals: dict[str, Array], valid: Flags, rate: float | 
     moving = output_of(record)[1]
     if not (valid.any() and np.ptp(torque[valid]) and np.ptp(moving[valid])):
         raise LogError(
-            "torque or motion is constant where both are known. Either a column is wrong, or the "
-            "axis did not move"
+            "torque or motion is constant in all rows that contain both signals. Either a column "
+            "is wrong, or the axis did not move"
         )
     resting = np.max(abs(moving[:5])) < RESTING * np.std(moving)
     burn_in = 0.0 if resting else min(BURN_IN, 0.1 * len(moving) * record.period)

@@ -24,25 +24,26 @@ class LogMap(BaseModel):
     Attributes
     ----------
     time, torque, angle, speed : str or None
-        Name of the column of each signal. By default, columns are recognised by their names.
+        Name of the column that contains the signal. By default, columns are recognised by their
+        names.
     rate : float or None
         Sampling rate [Hz] of a log without a time column.
     scale : dict of str to float
         Factor by which a signal is multiplied after the conversion of units. The factor −1 reverses
-        the sign.
+        the sign of the signal.
     unit : dict of str to str
         Units of signals for which the file states no unit or a wrong unit.
     counts : float or None
-        Encoder counts per turn, for an angle in the unit ``counts``.
+        Encoder counts per turn, for an angle that is logged in counts.
     torque_is : {"held", "smooth"} or None
-        Kind of torque. A command is ``"held"`` until the next sample. A measured signal such as a
-        current is ``"smooth"``. With None, the kind is detected from the log.
+        Kind of torque. A command is ``"held"`` until the next sample. A measured current is
+        ``"smooth"``. By default, flexaxis detects the kind from the log.
     rows : str
-        Range of samples to read. The format ``A:B`` selects the samples A to B − 1.
+        Range of samples to read. The range ``A:B`` selects the samples A to B − 1.
     header : int or None
         Number of the line that contains the column names in a CSV file, counted from 1.
     resample : float or None
-        New sampling rate [Hz], an integer fraction of the rate of the log.
+        Reduced sampling rate [Hz], which must be an integer fraction of the logged rate.
     """
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
@@ -62,7 +63,7 @@ class LogMap(BaseModel):
 
 
 class Raw(NamedTuple):
-    """The signals of a log in SI units at the logged times. Missing values are NaN.
+    """The signals of a log, in SI units, at the logged times. Missing values are NaN.
 
     Attributes
     ----------
@@ -71,9 +72,9 @@ class Raw(NamedTuple):
     signals : dict of str to ndarray (N,)
         Torque [N m], and angle [rad] or speed [rad/s] or both.
     unit : dict of str to str
-        Logged units of the signals, as far as the units are stated.
+        Units of the logged signals. Signals without a stated unit are omitted.
     turn : float
-        Range [rad] after which the logged angle wrapped, or 0.
+        Range [rad] after which the logged angle wrapped, or 0 if the angle did not wrap.
     """
 
     time: Array
@@ -88,12 +89,12 @@ class Raw(NamedTuple):
 
     @property
     def motion(self) -> str:
-        """The motion signal in use: ``"angle"`` if the log contains an angle, else ``"speed"``."""
+        """Name of the motion signal to use: ``"angle"`` if the log has one, else ``"speed"``."""
         return "angle" if "angle" in self.signals else "speed"
 
     @property
     def linear(self) -> bool:
-        """Whether the axis is linear, so that the unit of its motion is based on a length."""
+        """Whether the axis is linear, which means that the unit of its motion contains a length."""
         length = re.compile(r"([numck]?m|in)(/|$)")
         return any(length.match(self.unit.get(name, "")) for name in MOTIONS)
 
@@ -140,10 +141,10 @@ def pick(log: Log, mapping: LogMap) -> Raw:
 
 
 def _columns(log: Log, mapping: LogMap) -> dict[str, str]:
-    """Return the column of each signal: the stated column, or a column with a known name.
+    """Return the column of each signal: the column in the options, or a column with a known name.
 
-    If the column of one motion signal is stated, the other motion signal is ignored. If a sampling
-    rate is stated, time columns are ignored.
+    If the options state a column for only one of angle and speed, the other signal is ignored. If
+    the options state a sampling rate, time columns are ignored.
     """
     stated = {name: column for name in SI if (column := getattr(mapping, name)) is not None}
     lower = {name.lower(): name for name in reversed([*log.columns])}
@@ -161,7 +162,7 @@ def _columns(log: Log, mapping: LogMap) -> dict[str, str]:
     if absent := [signal for signal, column in wanted.items() if not column]:
         raise LogError(
             f"no column has a known name for {', '.join(absent)}. The columns are "
-            f"{', '.join(log.columns)}. If these are not the column names, give the line of the "
-            "names with --header LINE"
+            f"{', '.join(log.columns)}. If the column names are in another line of the file, give "
+            "--header LINE"
         )
     return chosen

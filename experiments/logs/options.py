@@ -8,13 +8,13 @@ from typing import Any
 
 
 def pair(text: str) -> tuple[str, str]:
-    """Split ``SIGNAL=VALUE`` into the name of the signal and the value."""
+    """Split text such as ``angle=deg`` into the name of the signal and the value."""
     name, value = text.split("=")
     return name.strip(), value.strip()
 
 
 def assignment(text: str) -> tuple[str, float | None]:
-    """Split ``NAME=VALUE`` into a name and a number. Without ``=VALUE``, the number is None."""
+    """Split ``NAME=VALUE`` into a name and a number, which is None if the value is missing."""
     name, equals, value = text.partition("=")
     return name.strip(), float(value) if equals else None
 
@@ -46,8 +46,8 @@ LOG_OPTIONS: dict[str, str | tuple[str, dict[str, Any]]] = {
                       "(default: the logged rate).", {"type": float}),
     "--burn-in S": ("Length of the initial part of the log that the fit ignores [s] (default: 0 if "
                     "the log starts at rest, else 1).", {"type": float}),
-    "--as-log FORMAT": ("Write a log in the format csv, like the log of a robot (default: write a "
-                        "record).", {"choices": ("csv",)}),
+    "--as-log FORMAT": ("Write a CSV file like the log of a real robot (default: write a record).",
+                        {"choices": ("csv",)}),
     "--units U,…": ("Units of the written log, such as deg,A,rpm,ms (default: SI).",
                     {"default": ""}),
     "--gaps N": ("Number of gaps in the written log (default: 0).",
@@ -65,7 +65,7 @@ READING = (
 
 
 def tables_of(args: argparse.Namespace) -> dict[str, Any]:
-    """Return the arguments of `fx.import_log`. Options override the file given by ``--map``."""
+    """Return the arguments of `fx.import_log`. Options override the ``--map`` file."""
     from flexaxis.experiments.logs.findings import LogError, checked
     from flexaxis.experiments.logs.mapping import LogMap
     from flexaxis.sim.files import read_toml

@@ -1,4 +1,4 @@
-"""Open a log in any supported format, and read its columns with their names and units."""
+"""Open a log file in any supported format, and read the columns with names and units."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from pathlib import Path
 from statistics import mode
 from typing import Any, NamedTuple
 
+import h5py
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
@@ -31,7 +32,7 @@ class Log(NamedTuple):
     Attributes
     ----------
     columns : dict of str to Series
-        Values of each column, as numbers or texts.
+        Values of each column, which are numbers or texts.
     units : dict of str to str
         Units that the file states for its columns.
     """
@@ -61,25 +62,23 @@ def open_log(path: Path, header: int | None = None) -> Log:
     Parameters
     ----------
     path : Path
-        A CSV file, a MAT file, or an HDF5 file such as NetCDF-4. A CSV file has the separator
-        ``,``, ``;``, ``|``, tab or blank, decimal points or commas, and the encoding UTF-8, UTF-16
-        or Latin-1. Columns of a matrix are named ``name[0]``, ``name[1]``, …. Columns of structures
-        and groups are named ``outer.inner``.
+        Path of a CSV file, a MAT file, or an HDF5 file such as NetCDF-4. The separator of a CSV
+        file is ``,``, ``;``, ``|``, tab or blank. Decimal commas are allowed. The encoding is
+        UTF-8, UTF-16 or Latin-1. Columns of a matrix are named ``name[0]``, ``name[1]``, ….
+        Columns of structures and groups are named ``outer.inner``.
     header : int, optional
         Number of the line that contains the column names in a CSV file, counted from 1. By default,
-        this line is detected from the content.
+        the line with the names is detected from the content of the file.
 
     Raises
     ------
     LogError
-        If the file cannot be read or contains no columns of numbers.
+        If the file cannot be read, or if a CSV file contains no columns of numbers.
     """
     try:
         with path.open("rb") as file:
             start = b"".join(file.readlines(PROBE))
-        if b"\x89HDF" in (start[:4], start[512:516]):
-            import h5py
-
+        if h5py.is_hdf5(path):
             with h5py.File(path) as content:
                 columns = dict(_flattened(content))
         elif start.startswith(b"MATLAB"):
@@ -96,8 +95,8 @@ def open_log(path: Path, header: int | None = None) -> Log:
 def _flattened(content: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Array]]:
     """Yield the names and values of columns of nested structures.
 
-    The elements of an array of structures are named after their field ``Name`` or ``label``. If
-    these fields are missing, the elements are numbered.
+    The elements of an array of structures are named after their field ``Name`` or ``label``.
+    Elements without such a field are numbered.
     """
     for name, value in content.items():
         item: Any = value
@@ -128,8 +127,9 @@ def _csv(path: Path, start: bytes, header: int | None) -> Log:
     if share <= 0:
         raise LogError("is not a MAT file, an HDF5 file, or a CSV file with rows of numbers")
     first = kept[row]
-    named = _cells(lines[header - 1], separator) if header else None
-    head = named or _head(lines[:first], separator, width)
+    head = _head(lines[:first], separator, width)
+    if header:
+        head = _cells(lines[header - 1], separator)
     names, units = names_and_units([*head, *[""] * width][:width])
     table = pd.read_csv(
         path, sep=separator or r"\s+", names=names, header=None, skiprows=first,
@@ -159,7 +159,7 @@ def _cells(line: str, separator: str | None) -> list[str]:
 def _tried(lines: Sequence[str], separator: str | None) -> tuple[float, int, int]:
     """Return the score of a separator, the number of cells per row, and the first row of numbers.
 
-    The score increases with the number of lines and cells that this separator makes numbers.
+    The score increases with the number of cells that are numbers if this separator is used.
     """
     cells = [_cells(line, separator) for line in lines]
     width = mode(map(len, cells))
@@ -177,7 +177,7 @@ def _head(lines: Sequence[str], separator: str | None, width: int) -> list[str]:
 
     The names are in the last line above the rows of numbers, or in a comment, as in files that
     numpy writes. TwinCAT writes a block of lines in which a key precedes every signal. The first
-    line of this block contains the names.
+    line of such a block contains the names.
     """
     above = sorted(reversed(lines), key=lambda line: line.lstrip().startswith(COMMENTS))
     rows = [_cells(line.lstrip("#%/ "), separator) for line in above]
@@ -199,12 +199,12 @@ def names_and_units(head: Sequence[str]) -> tuple[list[str], dict[str, str]]:
     names, units, bare = list[str](), dict[str, str](), list[str]()
     for place, text in enumerate(map(str.strip, head), 1):
         match = _UNIT.fullmatch(text)
-        known = match is not None and is_unit(match["unit"])
-        name = (match["name"] if match and known else text) or f"column{place}"
+        unit = match["unit"] if match and is_unit(match["unit"]) else ""
+        name = (match["name"] if match and unit else text) or f"column{place}"
         bare.append(name)
         names.append(f"{name}#{bare.count(name)}" if name in names else name)
-        if match and known:
-            units[names[-1]] = match["unit"]
+        if unit:
+            units[names[-1]] = unit
     return names, units
 
 
@@ -224,6 +224,6 @@ def _numbers(name: str, column: pd.Series[Any]) -> Array:
     row = column.index[np.argmax(bad)]
     raise LogError(
         f"row {row}, column {name}: {str(texts[row])[:60]!r} is not a number ({bad.sum()} of "
-        f"{len(texts)} cells are not numbers). Correct or empty these cells. An empty cell is a "
-        f"gap. If a new log begins in this row, select one part with --rows 0:{row}"
+        f"{len(texts)} cells are not numbers). Correct or empty such cells. Empty cells are gaps "
+        f"in the log. If a new log begins in row {row}, select the first log with --rows 0:{row}"
     )

@@ -28,7 +28,7 @@ SPREAD = (0.0, *[0.6] * 3)  # standard deviations of the logarithms of the initi
 
 
 class Spectra(NamedTuple):
-    """The averaged spectra of torque u and motion y.
+    """Averaged spectra of a torque u and a motion y.
 
     Attributes
     ----------
@@ -62,7 +62,7 @@ def spectra(u: Array, y: Array, period: float) -> Spectra:
 
 
 def measured_response(u: Array, y: Array, *, period: float, floor: float = 0.0) -> Spectra:
-    """Compute averaged spectra (Welch) at those frequencies at which the coherence exceeds 0.8.
+    """Compute averaged spectra at the frequencies at which the coherence exceeds 0.8.
 
     Parameters
     ----------
@@ -71,14 +71,14 @@ def measured_response(u: Array, y: Array, *, period: float, floor: float = 0.0) 
     period : float
         Sampling period [s].
     floor : float
-        Minimum power of the torque at a frequency, relative to the power-weighted median of the
-        power. At frequencies with less power, drift and disturbances may be coherent with the
+        Minimum torque power at a frequency, relative to the power-weighted median of the torque
+        power. At frequencies with less power, drift and disturbances can be coherent with the
         torque.
 
     Raises
     ------
     LogError
-        If the torque explains the output at fewer than ten frequencies.
+        If the coherence exceeds 0.8 at fewer than ten frequencies.
     """
     s = spectra(u, y, period)
     power = np.sort(s.torque)[::-1]
@@ -105,8 +105,8 @@ def fit_response(
     """Fit parameters and the delay of the torque to a measured frequency response.
 
     The fit minimises the error of the logarithm of the response, so that resonances and
-    antiresonances have equal weight. Several initial values near the nominal values avoid local
-    minima.
+    antiresonances have equal weight. The search starts from several values near the nominal
+    values, to avoid local minima.
 
     Parameters
     ----------
@@ -159,7 +159,9 @@ def fit_response(
             for start in starts
         ]  # fmt: skip
     except ValueError as error:
-        raise LogError("the model has no finite response at these initial values") from error
+        raise LogError(
+            "the model has no finite frequency response at the initial values"
+        ) from error
     best = min(fits, key=lambda fit: float(fit.cost)).x
     return chosen.theta * np.exp(best[:p]), max(float(best[p] * period), earliest)
 
@@ -167,10 +169,11 @@ def fit_response(
 def rough_guess(
     model: Model, response: Spectra, resonance: float | None = None
 ) -> dict[str, float]:
-    """Return a rough guess of the parameters of a built-in model, or an empty dict for others.
+    """Return rough parameters of a built-in model, or an empty dict for any other model.
 
-    The guess depends on the total inertia J and the resonance [rad/s]. At low frequencies, the
-    response |G| ≈ 1/(ω J) gives J. The default resonance is the highest peak of ω |G|.
+    The guess depends on the total inertia J and the resonance [rad/s]. The inertia is computed from
+    the response |G| ≈ 1/(ω J) at low frequencies. The default resonance is the highest peak of
+    ω |G|.
     """
     guess = MODELS[model.name].guess if model.name in MODELS else None
     if guess is None:

@@ -1,4 +1,4 @@
-"""Define names and units of the signals of a log, and write a record as a log."""
+"""Define names and units of the signals in a log, and write a record as a log."""
 
 from __future__ import annotations
 
@@ -41,8 +41,10 @@ UNITS: dict[str, dict[str, float]] = {
     | _OTHER[kind]
     for kind, units in _PREFIXED.items()
 }
-"""Units of each kind of signal, with factors that convert them to SI. If the torque is logged as a
-force, a current or a command, k_T is the torque per unit of this signal."""
+"""Units of each kind of signal, with factors that convert them to SI.
+
+If the log contains a force, a current or a command instead of the torque, k_T is the torque per
+unit of the logged signal."""
 KNOWN = [unit for table in UNITS.values() for unit in table]
 COUNTS = "counts"
 SI = {"time": "s", "torque": "Nm", "angle": "rad", "speed": "rad/s"}
@@ -60,7 +62,7 @@ ENDING = re.compile(
     r".*_(mA|(?i:ms|us|ns|sec|m?nm|lbf?in|lbft|ozin|m?rad|deg|rev|[mu]m|rpm"
     r"|(rad|deg|mm|m)_s|(rad|deg|mm)ps))"
 )
-"""Column names whose ending, after an underscore, is recognised as a unit."""
+"""Pattern of column names that end in an underscore and a unit."""
 
 WORDS = {
     "time": "time zeit temps",
@@ -68,11 +70,13 @@ WORDS = {
     "angle": "angle position motorwinkel winkel",
     "speed": "speed velocity drehzahl geschwindigkeit vitesse",
 }
-"""Recognised English, German and French column names, the preferred name first, in any case."""
+"""Column names that are recognised, in English, German and French, the preferred name first.
+
+Upper and lower case are equivalent."""
 
 
 def spelt(text: str, kind: str = "") -> str:
-    """Convert a unit to the spelling of `UNITS`. For an angle, ``nm`` is nm, and otherwise N m."""
+    """Convert a unit to the spelling of `UNITS`; ``nm`` is nanometres for an angle, else N m."""
     plain = re.sub(r"[\s·*.^-]", "", text).replace("µ", "u").replace("μ", "u")
     if plain in KNOWN and (plain != "nm" or kind == "angle"):
         return plain
@@ -109,11 +113,11 @@ def write_log(
     rng : Generator
         Random numbers for the gaps.
     units : sequence of str
-        Units of signals, such as ``("deg", "A")``; all other signals are in SI units.
+        Units of signals, such as ``("deg", "A")``. All other signals are written in SI units.
     gaps : int
         Number of gaps. Each gap omits up to `LONGEST_GAP` rows.
     counts : int
-        Encoder counts per turn of the motor. The angle is rounded to these counts, unless the value
+        Encoder counts per turn of the motor. The angle is rounded to whole counts, unless `counts`
         is 0.
 
     Raises

@@ -70,7 +70,7 @@ def test_columns_in_german_and_french(names, clean, tmp_path):
 def test_units_that_are_not_stated_are_named(clean, tmp_path):
     """An angle in degrees makes an inertia 57 times too small, and nothing else tells."""
     check = seen(imported(tmp_path, clean), "units")
-    assert check.kind == "note" and "the angle in rad, not in deg" in check.text
+    assert check.kind == "note" and "the angle in rad (not deg, rev or mm)" in check.text
     assert check.command == "--unit angle=UNIT"
     slow = {"time": 50 * clean["time"]}  # ms at 20 kHz?
     assert seen(imported(tmp_path, clean | slow, STATED), "units").command == "--unit time=UNIT"
@@ -218,7 +218,7 @@ def test_gaps_and_jitter(clean, tmp_path):
     keep = np.ones(len(clean["time"]), bool)
     keep[3000:3600] = False
     check = seen(imported(tmp_path, {n: x[keep] for n, x in clean.items()}), "time stamps")
-    assert "6 % missing in 1 gaps" in check.text
+    assert "6 % of the samples are missing (number of gaps: 1," in check.text
     late = clean["time"] + 2e-4 * np.random.default_rng(0).random(len(keep))
     check = seen(imported(tmp_path, clean | {"time": late}), "time stamps")
     assert check.kind == "note" and "use --rate 1000" in check.text
@@ -249,7 +249,7 @@ def test_stamps_coarser_than_the_sampling_need_the_rate(period, tick, clean, tmp
         (lambda t: np.r_[t[:500], t[499:]][: len(t)], "does not advance at 1 rows"),
         (
             lambda t: np.r_[t[:6000], t[:4000]],
-            "If a new log begins there, select one log with --rows 0:6000",
+            "If a new log begins at row 6000, select one log with --rows 0:6000",
         ),
     ],
 )
@@ -261,14 +261,14 @@ def test_time_that_does_not_advance_is_refused_with_its_cause(spoil, said, clean
 def test_irregular_stamps_are_refused_with_what_to_do(tmp_path):
     t = np.cumsum(np.random.default_rng(0).choice([1.2e-3, 2.86e-3, 5e-3], 3000))
     columns = {"time": t, "torque": np.sin(6 * np.pi * t), "speed": np.cos(7 * t)}
-    with pytest.raises(LogError, match=r"steps of 0\.0012 s to 0\.005 s; resample .* --rate"):
+    with pytest.raises(LogError, match=r"steps of 0\.0012 s to 0\.005 s\. Resample .* --rate"):
         imported(tmp_path, columns)
 
 
 def test_a_torque_that_acts_only_where_no_motion_is_logged_is_refused(clean, tmp_path):
     u, angle = np.zeros(len(clean["torque"])), clean["angle"].copy()
     u[3000:3500], angle[3000:3600] = 1.0, np.nan
-    with pytest.raises(LogError, match="constant where both are known"):
+    with pytest.raises(LogError, match="constant in all rows that contain both signals"):
         imported(tmp_path, clean | {"torque": u, "angle": angle})
 
 
@@ -281,8 +281,8 @@ def test_a_record_takes_a_burn_in_and_no_columns(clean, tmp_path):
     assert again.burn_in == 1.5 and again.versions == record.versions
     np.testing.assert_array_equal(again.increment, record.increment)
     for options, said in (
-        ({"torque": "current"}, "--torque are for logs"),
-        ({"resample": 500.0}, "--resample .* import log.h5"),
+        ({"torque": "current"}, "--torque apply only to logs"),
+        ({"resample": 500.0}, "--resample .* when you import log.h5"),
         ({"burn_in": 19.0}, "--burn-in 19 s"),
     ):
         with pytest.raises(LogError, match=said):

@@ -151,7 +151,7 @@ def test_the_line_of_names_can_be_stated(tmp_path):
     assert open_log(tmp_path / "log.csv").columns.keys() == {"more", "of", "it"}
     assert open_log(tmp_path / "log.csv", header=1).columns.keys() == {*NAMES}
     log = written(tmp_path, "a,b,c,d,e\n" + table(""))
-    with pytest.raises(LogError, match=r"columns are column1, .* with --header LINE"):
+    with pytest.raises(LogError, match=r"columns are column1, .* give --header LINE"):
         pick(log, LogMap())
 
 
