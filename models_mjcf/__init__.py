@@ -1,8 +1,8 @@
-"""Provide the MJCF models of the plants and their parameter sets.
+"""Provide the MJCF models of all plants, and named sets of their parameter values.
 
-Each model has a folder with an MJCF file and a README. TOML files in the folder define other
-parameter sets, and cite a source for each value. The function `model_files` returns the MJCF text
-and all files of a model.
+Each model has its own folder with an MJCF file and a README. TOML files in the folder of a model
+define other parameter sets, and cite a source for each parameter value. The function `model_files`
+returns the MJCF text and all files of a model.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from importlib.resources import files
 from xml.etree.ElementTree import canonicalize
 
 DEFAULT = "three_mass"
-"""Name of the model of the paper's axis, which is the default model of a scenario."""
+"""Name of the model of a three-mass axis, which is the default model of a scenario."""
 
 _FOUND = {f.name for f in files(__package__).iterdir() if (f / f"{f.name}.xml").is_file()}
 MODEL_NAMES = (DEFAULT, *sorted(_FOUND - {DEFAULT}))
@@ -24,21 +24,22 @@ SHIPPED = {
     "three_mass": "29c0e25cfb28f417",
     "two_mass": "54100381ce3d6dc7",
 }
-"""Digest of each published MJCF file; a scenario hash changes if the digest of a model changes."""
+"""Digest of each published MJCF file; a change of the digest changes the hashes of scenarios."""
 
 
 @cache
 def model_digest(name: str) -> str:
-    """Return a digest (16 hex digits) of a model's MJCF file; raise the errors of `model_files`.
+    """Return a digest of a model's MJCF file (16 hex digits).
 
-    The digest does not depend on comments, whitespace or line endings.
+    The digest does not depend on comments, whitespace or line endings. The function raises the same
+    errors as `model_files`.
     """
     meant = canonicalize(model_files(name)[0], strip_text=True)
     return sha256(meant.encode()).hexdigest()[:16]
 
 
 def model_files(name: str) -> tuple[str, dict[str, bytes]]:
-    """Return the MJCF text of a model and its other files.
+    """Return the MJCF text of a model, and the contents of all files in its folder.
 
     Parameters
     ----------

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from flexaxis.sim.scenario import Scenario
 
 Problem = tuple[str, str]
-"""Type of a problem in a scenario: a dotted key, such as ``fault[0].at``, and a message."""
+"""Problem in a scenario: the dotted key, such as ``fault[0].at``, and the error message."""
 
 OF_THE_GEAR = ("backlash", "stiffening", "gear_friction", "load_friction")
 """Names of the scenario tables that require a model with a gear spring."""
@@ -66,7 +66,7 @@ def problems(error: ValidationError, top: type[Scenario]) -> list[str]:
 def explain(error: ValidationError, top: type[BaseModel]) -> Iterator[Problem]:
     """Yield the key and the message of each pydantic error about a single key of a scenario.
 
-    The argument `top` is the class of the outermost table.
+    The argument `top` is the class of the table that contains all other tables.
     """
     for item in error.errors():
         if item["loc"]:
@@ -118,7 +118,7 @@ def _known_keys(words: list[str], top: type[BaseModel]) -> Iterable[str]:
 
 
 def conflicts(scenario: Scenario) -> Iterator[Problem]:
-    """Report each value that conflicts with another value or is invalid for the plant.
+    """Report each scenario value that conflicts with another value or is invalid for the plant.
 
     The types of all values must already have been checked.
     """
@@ -213,7 +213,7 @@ def estimated_problems(
 
 
 def _law_problem(name: str, scenario: Scenario) -> str | None:
-    """Return a message if zero or several tables of the scenario define the parameter `name`."""
+    """Return a message unless exactly one table of the scenario defines the parameter `name`."""
     having = [key for key, names in LAW_PARAMETERS.items() if name in names]
     tables = [key for key in having if key in scenario.tables]
     if having and not tables:
@@ -263,7 +263,7 @@ def _span_problems(change: Fault, period: float) -> Iterator[Problem]:
 
 
 def _changed_problems(change: Fault, scenario: Scenario) -> Iterator[Problem]:
-    """Report a fault if its parameter cannot change during a run, or cannot become 0."""
+    """Report a fault whose parameter cannot change during a run or cannot have the new value."""
     known, parameter = changeable(parameter_names(scenario.model)), change.parameter
     law = meant(parameter)
     text = _law_problem(law, scenario) if parameter == law or law not in scenario.laws else None
@@ -286,7 +286,7 @@ def _changed_problems(change: Fault, scenario: Scenario) -> Iterator[Problem]:
 
 
 def _pause_problems(scenario: Scenario) -> Iterator[Problem]:
-    """Report each pause after the end of the run, and an `onset_spread` that is too large."""
+    """Report each pause that begins after the end of the run, and a too large `onset_spread`."""
     duration, spread = scenario.duration, scenario.onset_spread
     pauses = getattr(scenario.excitation, "pause", ())
     for i, (begin, _) in enumerate(pauses):

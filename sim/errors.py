@@ -55,7 +55,7 @@ class SimulationError(FlexaxisError):
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """Return a hint that contains the known word closest to `word`, or "" if no word is close.
+    """Return a hint with the known word closest to `word`, or "" if no word is similar.
 
     Examples
     --------

@@ -31,8 +31,8 @@ toml_text: Callable[[dict[str, Any]], str] = partial(tomli_w.dumps, multiline_st
 def atomic(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Yield a temporary path; at the end of the context, move the temporary file to `path`.
 
-    The temporary file is in a hidden folder next to `path`. If an exception occurs, an existing
-    file remains unchanged and the exception propagates.
+    The temporary file is in a hidden folder next to `path`. If an exception occurs in the context,
+    an existing file remains unchanged and the exception propagates.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def atomic(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 
 def shown(value: object) -> str:
-    """Return the repr of a value for use in an error message; a long repr is shortened.
+    """Return the repr of a value for use in an error message, shortened if necessary.
 
     Examples
     --------
@@ -90,7 +90,7 @@ def read_text(path: Path, refuse: Refusal) -> str:
 
 
 def toml_tables(text: str, *, source: str, refuse: Refusal) -> dict[str, Any]:
-    """Parse a TOML text; error messages refer to the text by the name `source`."""
+    """Parse a TOML text; error messages begin with the name `source` of the text."""
     try:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:
@@ -98,7 +98,7 @@ def toml_tables(text: str, *, source: str, refuse: Refusal) -> dict[str, Any]:
 
 
 def json_value(text: str | bytes, *, source: str, refuse: Refusal) -> Any:
-    """Parse a JSON text; error messages refer to the text by the name `source`."""
+    """Parse a JSON text; error messages begin with the name `source` of the text."""
     try:
         return json.loads(text)
     except (ValueError, RecursionError) as error:

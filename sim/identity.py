@@ -16,8 +16,9 @@ from flexaxis.sim.timing import PERIOD
 PLANT, CONTENT = "plant", "content"
 """Values of the scenario key `streams`, which determines the random numbers of a run.
 
-With "plant", the random numbers depend only on the part of the scenario that affects the plant and
-the sensors. With "content", the random numbers depend on the whole content of the scenario.
+If `streams` is "plant", the random numbers depend only on the part of the scenario that affects the
+plant and the sensors. If `streams` is "content", the random numbers depend on the whole content of
+the scenario.
 """
 
 _WORDS = frozenset({"name", "card", "group", "difficulty", "preset"})
@@ -41,16 +42,16 @@ def content_hash(resolved: Mapping[str, Any]) -> str:
     """Return the SHA-256 (64 hex digits) of a scenario without its name and description.
 
     Old scenarios do not have the keys `streams`, `period` and `model`. Therefore the hash excludes
-    `streams` with the value "content", `period` with the value 5 ms, and `model` with the value
-    "three_mass". The hash includes the digest of the MJCF file if the file differs from the
-    published file.
+    these keys if `streams` is "content", `period` is 5 ms and `model` is "three_mass",
+    respectively. The hash includes the digest of the model's MJCF file if this file differs from
+    the published file.
     """
     without = _WORDS | ({"streams"} if resolved["streams"] == CONTENT else set())
     return _digest({k: v for k, v in _told_apart(resolved).items() if k not in without})
 
 
 def stream_key(resolved: Mapping[str, Any]) -> str:
-    """Return the key of the random number streams of a scenario (64 hex digits)."""
+    """Return the key that identifies the random numbers of a scenario (64 hex digits)."""
     match resolved["streams"]:
         case "plant":
             return _digest(_seen(resolved))
@@ -63,8 +64,8 @@ def stream_key(resolved: Mapping[str, Any]) -> str:
 def record_hash(resolved: Mapping[str, Any]) -> str:
     """Return the SHA-256 (64 hex digits) of everything that determines a record, except the seed.
 
-    Keys that concern only estimation and scoring do not affect the record hash. The key of the
-    random number streams affects the record hash.
+    Keys that concern only estimation and scoring do not affect the record hash. The record hash
+    also depends on the key that identifies the random numbers.
     """
     return _digest(_seen(resolved) | {"key": stream_key(resolved)})
 
@@ -78,7 +79,8 @@ def _told_apart(resolved: Mapping[str, Any]) -> dict[str, Any]:
     """Return the keys and values of a scenario that can affect its hashes.
 
     The dictionary does not contain `period` and `model` if they have their default values. The
-    dictionary contains the digest of the MJCF file if the file differs from the published file.
+    dictionary contains the digest of the model's MJCF file if this file differs from the published
+    file.
     """
     usual, model = {"period": PERIOD, "model": DEFAULT}, resolved["model"]
     content = {key: value for key, value in resolved.items() if usual.get(key) != value}

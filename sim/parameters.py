@@ -27,7 +27,7 @@ def nominal_numbers(model: str) -> Mapping[str, float]:
     stiffness such as ``k_g`` and a damping coefficient such as ``d_g``. The subscript of a
     parameter is the first letter of the body's or tendon's name. If the model has only one tendon,
     the tendon parameters have no subscript. The gear ratio ``r`` is the coefficient of the motor
-    joint in the first tendon. A model whose gear ratio is 1 has no parameter ``r``.
+    joint in the first tendon. If the gear ratio of a model is 1, the model has no parameter ``r``.
 
     The MJCF file must describe a chain of bodies called motor, gear, arm or load, with a tendon
     between adjacent bodies. The names of any two tendons must start with different letters.
@@ -69,17 +69,17 @@ def model_with(names: Iterable[str]) -> str | None:
 
 
 PARAMETER_NAMES = parameter_names()
-"""Names of the parameters of the paper's axis."""
+"""Names of the parameters of the three-mass axis."""
 
 PARAMETER_UNITS = {
     name: _UNITS.get(name, _UNITS[name[0]])
     for model in MODEL_NAMES
     for name in parameter_names(model)
 }
-"""Units of the parameters of all models, keyed by name; the paper's axis comes first."""
+"""Units of the parameters of all models, keyed by name; the three-mass model comes first."""
 
 DEFAULT_IDENTIFY = ("k_T", "1/J_a", "f_m")
-"""Names of the parameters that are estimated in the paper and by default."""
+"""Parameters that are estimated by default, and in the paper of Östring and Gunnarsson."""
 
 DATA_SHEET = {
     "poles": "1",
@@ -87,11 +87,11 @@ DATA_SHEET = {
     "noise": "unit of the output",
     "gear_friction": "1",
 }
-"""Units of other data-sheet values, keyed by name.
+"""Units of data-sheet values that are not plant parameters, keyed by name.
 
-The value `poles` is the number of cogging periods per motor revolution. The value `torque_limit` is
-the torque limit of the drive. The value `noise` is the standard deviation of the measurement noise.
-The value `gear_friction` is 1 if the friction grows with the load of the gear.
+The key `poles` contains the number of cogging periods per motor revolution, `torque_limit` contains
+the torque limit of the drive, and `noise` contains the standard deviation of the measurement noise.
+The value of `gear_friction` is 1 if the motor friction increases with the gear load.
 """
 
 MAY_BE_ZERO = frozenset(name for name in PARAMETER_UNITS if name[0] in "df")
@@ -113,17 +113,17 @@ LAW_UNITS = {
 
 The parameter f_c is the Coulomb friction, and f_s is the breakaway torque minus the Coulomb
 friction. The parameter v_s is the Stribeck speed. The bristles of LuGre friction have the stiffness
-sigma_0 and the damping sigma_1. The inverse speeds alpha and beta define the static friction curve.
-The parameter kappa is the ratio of cubic to linear stiffness of the gear spring. The parameter gap
-is the width of the backlash gap on the arm side. In a record, the columns of nonlinear parameters
-follow the columns of the axis parameters.
+sigma_0 and the damping sigma_1. The parameters alpha and beta are inverse speeds that define the
+static friction curve. The parameter kappa is the ratio of cubic to linear stiffness of the gear
+spring. The parameter gap is the width of the backlash gap on the arm side. In the parameter array
+of a record, nonlinear parameters have the columns after the axis parameters.
 """
 
 LAW_NAMES = tuple(LAW_UNITS)
 """Names of the parameters in `LAW_UNITS`, in the order of their columns in parameter arrays."""
 
 LAW_MAY_BE_ZERO = frozenset({"f_c", "f_s"})
-"""Names of the friction parameters that can become zero during a run."""
+"""Names of the friction parameters that a fault can set to zero."""
 
 ESTIMATED_ONLY = ("c_sin", "c_cos")
 """Names of the cogging parameters, which estimators use but records do not contain."""
@@ -139,16 +139,16 @@ LAW_PARAMETERS: Mapping[str, tuple[str, ...]] = {
 }
 """Names of the nonlinear parameters that each scenario table defines, keyed by table name.
 
-The attribute `law` of a scenario table contains the values of its parameters. If several tables of
+The values of the parameters are in the attribute `law` of the scenario table. If several tables of
 a scenario define a parameter with the same name, the first table determines its value.
 """
 
 FIXED = {"gap": "backlash", "kappa": "stiffening"}
-"""Names of the scenario tables with constant parameters, keyed by the name of the parameter."""
+"""Scenario table of each nonlinear parameter that is constant during a run, keyed by parameter."""
 
 
 def parameter_problem(name: str, value: float) -> str | None:
-    """Return a message if a parameter value is physically impossible, or None if it is possible.
+    """Return an error message if a parameter value is physically impossible; otherwise return None.
 
     Examples
     --------
@@ -176,12 +176,13 @@ class AxisParameters(Frozen):
     Parameters
     ----------
     values : mapping of str to float
-        Values of all parameters of one model, in any order. The torque constant is k_T, the moments
-        of inertia are J, and the gear ratio (gear angle over motor angle) is r. The couplings have
-        spring constants k and damping coefficients d. The bodies have viscous friction coefficients
-        f. The function `nominal_numbers` explains the parameter names.
+        Values of all parameters of a model, keyed by name in any order. The torque constant is k_T,
+        the moments of inertia are J, and the gear ratio (gear angle over motor angle) is r. The
+        spring constants of the couplings are k, and their damping coefficients are d. The viscous
+        friction coefficients of the bodies are f. The function `nominal_numbers` explains the
+        parameter names.
     **more : float
-        Parameter values as keyword arguments, which override entries of `values`.
+        Parameter values as keyword arguments, which override values in the argument `values`.
 
     Raises
     ------
@@ -262,7 +263,7 @@ def preset(name: str, model: str = DEFAULT) -> AxisParameters:
 
 
 def meant(parameter: str) -> str:
-    """Return the standard name of a parameter in a fault; the name ``coulomb`` is an alias of f_c.
+    """Return the standard name of a fault parameter; the name ``coulomb`` is an alias of f_c.
 
     Examples
     --------

@@ -40,7 +40,7 @@ SIGNALS = {
     "true_angle_a": ("rad", "true arm angle"),
     "true_angle_l": ("rad", "true load angle"),
 }
-"""Unit and description of each signal in a record, keyed by the name of the signal."""
+"""Unit and description of each signal in a record, keyed by signal name."""
 
 _ATTRIBUTES: dict[str, Callable[[Any], Any]] = {
     "scenario": json.loads,
@@ -55,9 +55,9 @@ _ATTRIBUTES: dict[str, Callable[[Any], Any]] = {
 class Record:
     """The signals of one run, sampled at the times t_k.
 
-    Output k is measured at time t_k, and torque k acts from t_k to t_{k+1}. A record must have the
-    fields `time` and `torque`, and at least one of the fields `speed`, `increment` and `angle`. All
-    other fields can be None.
+    The motion signals at index k are measured at the time t_k, and the torque at index k acts from
+    t_k to t_{k+1}. A record must have the fields `time` and `torque`, and at least one of the
+    fields `speed`, `increment` and `angle`. All other fields can be None.
 
     Attributes
     ----------
@@ -69,16 +69,16 @@ class Record:
         Measured motor angle [rad], measured motor speed [rad/s], and difference of successive
         measured angles divided by the sampling period [rad/s].
     true_speed, true_angle_m, true_angle_g, true_angle_a, true_angle_l : ndarray (N,), optional
-        True motor speed [rad/s], and true angles of motor, gear, arm and load [rad]. The angle of a
-        mass is None if the plant does not have this mass.
+        True motor speed [rad/s], and true angles of motor, gear, arm and load [rad]. If the plant
+        does not have one of the masses, the angle of this mass is None.
     true_parameters : ndarray (N, P), optional
-        True parameter values. Row k of the array applies from t_k to t_{k+1}, and column i contains
+        True parameter values. The values in row k apply from t_k to t_{k+1}, and column i contains
         the parameter `parameter_names[i]`.
     parameter_names : tuple of str
         Names of the P parameters: first the parameters of the linear axis, then the parameters of
         nonlinear effects.
     valid : ndarray (N,) of bool, optional
-        False for each missing sample, or None if no sample is missing.
+        False at each sample where the measurement is missing, or None if no sample is missing.
     scenario : dict
         All keys and values of the scenario, or an empty dict if the scenario is unknown.
     hash : str
@@ -93,8 +93,8 @@ class Record:
     Raises
     ------
     RecordError
-        If a required array is missing, or if an array has a wrong shape or a value that is not
-        finite. The error also occurs if the sample times are not evenly spaced.
+        If a required array is missing, if an array has a wrong shape, or if an array contains a
+        value that is not finite. The error also occurs if the sample times are not evenly spaced.
     """
 
     time: Array
@@ -205,8 +205,8 @@ def load_record(path: str | os.PathLike[str]) -> Record:
     Returns
     -------
     Record
-        The record. If the file does not contain a variable, the field of the same name keeps its
-        default value.
+        The record. If the file does not contain an optional variable, the record field of the same
+        name keeps its default value.
 
     Raises
     ------
@@ -234,7 +234,7 @@ def load_record(path: str | os.PathLike[str]) -> Record:
 
 
 def _fields(file: xarray.Dataset) -> dict[str, Any]:
-    """Read the fields of a record from an open NetCDF-4 file."""
+    """Return the fields of a record, which are read from an open NetCDF-4 file."""
     for name in ("time", "torque"):
         if name not in file.variables:
             present = ", ".join(map(str, file.variables)) or "none"
@@ -290,7 +290,7 @@ def _check_array(record: Record, name: str, shape: tuple[int, ...]) -> None:
         where = "".join(f", {record.parameter_names[i]}" for i in index[1:])
         raise RecordError(
             f"{name} is {values[index]} at sample {index[0]}{where} ({bad.sum()} values are not "
-            "finite). Mark missing samples with valid = False, and give them any finite value."
+            "finite). Set valid = False at missing samples, and give them any finite value."
         )
 
 

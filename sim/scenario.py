@@ -56,19 +56,19 @@ class Scenario(Config):
     Attributes
     ----------
     name : str
-        Name of the scenario. Two scenarios with different content should have different names.
+        Name of the scenario. Scenarios with different content should have different names.
     duration : float
         Length of the run [s].
     card, group : str, optional
         Purpose of the scenario in words, and name of its group in the catalogue.
     difficulty : {"easy", "medium", "hard"}, optional
-        Difficulty of the scenario for a good estimator.
+        Expected difficulty of the scenario for a good estimator.
     period : float
         Sampling period T [s] of the controller and of all signals. The sampling rate 1/T must be an
         integer.
     substeps : int, optional
-        Smallest number of simulation steps per 5 ms. By default, the number of simulation steps
-        depends on the nonlinear effects of the axis.
+        Lower limit for the number of simulation steps per 5 ms. By default, only the nonlinear
+        effects of the axis determine the number of simulation steps.
     model, preset : str
         Name of the plant model (see `flexaxis.models_mjcf.MODEL_NAMES`), and name of one of its
         parameter sets.
@@ -80,18 +80,19 @@ class Scenario(Config):
     start : float
         Initial estimate of each parameter divided by its nominal value.
     known : dict of str to float, optional
-        Prior knowledge that estimators receive. The entry of a parameter that is not estimated is
-        the ratio of its assumed value to its true value. The entry of a data-sheet value such as
-        `poles` is the value itself. The entry `spread` adds a random error to each assumed
-        parameter value. The random error depends on the seed (see `drawn`).
+        Prior knowledge that estimators receive. For a parameter that is not estimated, the entry is
+        the ratio of the assumed value to the true value. For a data-sheet value such as `poles`,
+        the entry is the value itself. The entry `spread` determines the size of a random error of
+        each assumed parameter value. The random error depends on the seed (see `drawn`).
     output : {"speed", "increment", "angle"}
         Measured motor signal that the estimators use.
     burn_in : float
         Length of the initial interval that is excluded from all scores [s].
     streams : str
-        Scenario keys that determine the random numbers. With "plant", only keys for the plant and
-        the sensors affect the random numbers. With "content", all keys affect the random numbers.
-        If `streams` is the `key` of another scenario, both scenarios have the same random numbers.
+        Choice of the scenario keys that affect the random numbers. If `streams` is "plant", only
+        keys for the plant and the sensors affect the random numbers. If `streams` is "content", all
+        scenario keys affect the random numbers. If `streams` is the `key` of another scenario, both
+        scenarios have the same random numbers.
     feedback : {"clean", "measured"}
         Whether the controller reads the true motor angle or the measured motor angle.
     delay, noise, encoder, controller, excitation, fault : Config
@@ -102,7 +103,8 @@ class Scenario(Config):
         Largest random time shift of all faults and pauses [s]. The time shift depends on the seed
         (see `drawn`).
     nuisance : tuple of Fault, optional
-        Parameter changes that do not count as faults. An alarm due to a nuisance is a false alarm.
+        Parameter changes that are not regarded as faults. An alarm due to such a change is a false
+        alarm.
     """
 
     name: Word
@@ -149,7 +151,7 @@ class Scenario(Config):
         return self
 
     def drawn(self, seed: int) -> Scenario:
-        """Draw the random values of the scenario for one seed, and return the scenario."""
+        """Return the scenario of one seed, with random onsets and random errors of parameters."""
         return drawn(self, seed) if self.onset_spread or self.spread else self
 
     @property
@@ -159,7 +161,7 @@ class Scenario(Config):
 
     @property
     def grid(self) -> Grid:
-        """Grid of the sampling times in the run."""
+        """Grid of all sampling times in the run."""
         return Grid.first(self.samples, self.period)
 
     @property
@@ -188,7 +190,7 @@ class Scenario(Config):
 
     @property
     def sensors(self) -> dict[str, sensing.Sensor]:
-        """Tables of the sensors, in the order in which they process a signal."""
+        """Tables of the sensors, in the order in which the sensors process a signal."""
         return self._tables_of(sensing.Sensor)
 
     def _tables_of(self, kind: type) -> dict[str, Any]:
@@ -202,7 +204,7 @@ class Scenario(Config):
 
     @property
     def spread(self) -> float:
-        """Standard deviation of the logarithm of the random factors on assumed parameter values."""
+        """Standard deviation of ln(x) for the random factors x of assumed parameter values."""
         return (self.known or {}).get("spread", 0.0)
 
     @property
@@ -231,21 +233,21 @@ class Scenario(Config):
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """Names of the P plant parameters; the parameters of the linear axis come first."""
+        """Names of all plant parameters; the parameters of the linear axis come first."""
         return tuple(self.initial)
 
     @property
     def unchanged(self) -> Array:
-        """Values (P,) of all plant parameters before the first fault."""
+        """Values of all plant parameters before the first fault, as an array (P,)."""
         return np.array(list(self.initial.values()))
 
     def true_parameters(self) -> Array:
-        """Return the true parameters (N, P); row k applies from sample k to sample k + 1."""
+        """Return the true parameters (N, P); each row applies from one sample to the next."""
         changes = (*self.fault, *(self.nuisance or ()))
         return np.column_stack([changed(x, n, changes, self.grid) for n, x in self.initial.items()])
 
     def excited(self) -> NDArray[np.bool_]:
-        """Return a boolean array (N,) that is True at all samples at which the reference moves."""
+        """Return whether the reference moves at each sample, as a boolean array (N,)."""
         return self.excitation.excited(self.grid)
 
     def events(self) -> tuple[Event, ...]:
@@ -258,17 +260,17 @@ class Scenario(Config):
 
     @cached_property
     def hash(self) -> str:
-        """SHA-256 (64 hex digits) of the scenario content without the name and the description."""
+        """SHA-256 of the scenario content without the name and the description (64 hex digits)."""
         return identity.content_hash(self.resolved())
 
     @cached_property
     def key(self) -> str:
-        """Key (64 hex digits) of the random numbers, for use by `flexaxis.sim.streams.stream`."""
+        """Key that identifies the random numbers of the scenario (64 hex digits)."""
         return identity.stream_key(self.resolved())
 
     @cached_property
     def record_hash(self) -> str:
-        """SHA-256 of all settings that affect the signals of a record, except seed and repeat."""
+        """SHA-256 of all scenario settings that affect the signals of a record (64 hex digits)."""
         return identity.record_hash(self.resolved())
 
     def resolved(self) -> dict[str, Any]:
@@ -293,8 +295,8 @@ class Scenario(Config):
             New values of scenario keys, such as ``{"start": 1.2, "fault[0].factor": 2.0}``.
         inherit : bool
             Whether the new scenario uses the random numbers of this scenario. If necessary, the
-            method sets `streams` to the `key` of this scenario. If `changes` contains `streams`,
-            the value in `changes` has precedence.
+            method sets `streams` to the `key` of this scenario. If `changes` contains the key
+            `streams`, the value of this key has precedence over `inherit`.
 
         Raises
         ------

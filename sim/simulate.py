@@ -32,8 +32,8 @@ def simulate(
 ) -> list[Record]:
     """Simulate a scenario once for each seed, in one batch.
 
-    A record depends only on its scenario, its seed and its repeat. The other seeds in the batch and
-    their order do not affect the record.
+    A record depends only on its scenario, its seed and its repeat. Therefore a record does not
+    depend on the other seeds in the batch.
 
     Parameters
     ----------
@@ -42,8 +42,8 @@ def simulate(
     seeds : sequence of int
         Random seeds of the runs, which must be integers of at least 0.
     repeat : int
-        Index of the repetition. Repetitions of a run have the same excitation and the same faults,
-        but different noise realizations.
+        Index of the repetition. Runs that differ only in `repeat` have the same excitation and the
+        same faults, but different noise realizations.
 
     Returns
     -------
@@ -85,7 +85,7 @@ def tracked(
 ) -> tuple[Array, NDArray[np.int64]]:
     """Simulate several runs, each of which has its own estimator in the control loop.
 
-    All runs use the same reference and the same noise, which depend on one seed.
+    All runs use the same reference and the same noise, which are determined by one random seed.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ def tracked(
     error : ndarray (N, R)
         Motor angle error [rad], which is the reference minus the true motor angle.
     limited : ndarray (R,)
-        Number of samples in each run at which an estimate for the feed-forward was limited.
+        Number of samples in each run at which the feed-forward limited a parameter estimate.
 
     Raises
     ------
@@ -122,7 +122,7 @@ def tracked(
 
 
 def _white(scenario: Scenario, seeds: list[int], repeat: int, purpose: str) -> Array:
-    """Return white noise (N, R) with standard deviation 1 for a purpose such as "noise.speed"."""
+    """Return white noise (N, R) with standard deviation 1 for a purpose, such as "noise.speed"."""
     purpose += f".{repeat}" if repeat else ""
     streams = [stream(scenario.key, seed, purpose) for seed in seeds]
     return np.column_stack([each.standard_normal(scenario.samples) for each in streams])
@@ -160,7 +160,7 @@ def _records(scenario: Scenario, seeds: list[int], truth: Truth, read: list[Arra
 
 
 def record_of(scenario: Scenario, seed: int, signals: Mapping[str, Any]) -> Record:
-    """Create the record of a run from its signals (N,), which are keyed by name."""
+    """Create the record of a run from its signals (N,), keyed by signal name."""
     run = scenario.drawn(seed)
     return Record(
         time=scenario.times,
@@ -183,5 +183,5 @@ def versions() -> dict[str, str]:
 
 
 def made_with(scenario: Scenario) -> dict[str, str]:
-    """Return the software versions and the MJCF digest, which can affect the bits of a record."""
+    """Return the software versions and the MJCF digest, which can affect the simulated signals."""
     return versions() | {"mjcf": model_digest(scenario.model)}

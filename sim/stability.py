@@ -1,8 +1,8 @@
-"""Check the stability of the control loop with the nominal linear axis before a simulation.
+"""Check before a simulation whether the control loop with the nominal linear axis is stable.
 
 The equations of motion are M q̈ + D q̇ + K q = k_T u, and the vector q contains the angles of the
-masses. The stability check includes the controller, the sampling period and the delays of a
-scenario.
+masses. The stability check takes the controller, the sampling period and the delays of a scenario
+into account.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def loop_problem(
     torque_ticks: int = 0,
     late: int = 0,
 ) -> str | None:
-    """Return an error message if the control loop is unstable, or None if the loop is stable.
+    """Return an error message if the control loop is unstable; otherwise return None.
 
     Parameters
     ----------
@@ -62,9 +62,8 @@ def _radius(
     """Return the spectral radius of the closed loop, which is the largest growth factor per sample.
 
     The state of the closed loop consists of the states of the controller, the plant and the delays.
-    To obtain the transition matrix, the function simulates one sample from each unit vector of the
-    state. The spectral radius is the largest absolute value of all eigenvalues of the transition
-    matrix.
+    To obtain the transition matrix, the function simulates one sample with each unit vector as the
+    initial state. The spectral radius is the largest absolute eigenvalue of the transition matrix.
     """
     if config.rate:
         period = TICK
@@ -86,7 +85,7 @@ def _radius(
 
 
 def _sampled(parameters: AxisParameters, period: float) -> tuple[Array, Array]:
-    """Return the matrix F (2n, 2n) and the vector g (2n,) of the model x[k+1] = F x[k] + g u[k].
+    """Return F (2n, 2n) and g (2n,) of the discrete-time axis model x[k+1] = F x[k] + g u[k].
 
     The state x contains the angles and speeds of the masses. The torque u is constant during a
     sample. For a linear axis, a Runge-Kutta step of the physics engine equals a fourth-order Taylor
@@ -103,7 +102,7 @@ def _sampled(parameters: AxisParameters, period: float) -> tuple[Array, Array]:
 
 
 def _continuous(parameters: AxisParameters) -> Array:
-    """Return the system matrix (2n + 1, 2n + 1) of the continuous-time axis model.
+    """Return the system matrix of the continuous-time axis model, as an array (2n + 1, 2n + 1).
 
     The state consists of the n angles and n speeds of the masses, and the constant torque.
     """

@@ -34,7 +34,7 @@ def sample_index(time: float, period: float) -> int:
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """Samples of a run at which parameters and references are evaluated.
+    """Sampling instants of a run at which parameters and references are evaluated.
 
     Attributes
     ----------
@@ -49,15 +49,15 @@ class Grid:
 
     @classmethod
     def first(cls, samples: int, period: float) -> Grid:
-        """Return the grid of the first `samples` samples of a run."""
+        """Return a grid with the given number of samples, from the start of a run."""
         return cls(np.arange(samples), period)
 
     @property
     def times(self) -> NDArray[np.float64]:
         """Times (M,) of the samples [s].
 
-        The times are computed as k divided by the sampling rate, and not as k times T. Therefore
-        ``Grid.first(N, 0.005).times[2060]`` is exactly the float ``10.3``.
+        To avoid rounding errors, the times are computed as k divided by the sampling rate instead
+        of k times T. Therefore ``Grid.first(N, 0.005).times[2060]`` is exactly the float ``10.3``.
         """
         return self.k / rate(self.period)
 

@@ -25,7 +25,7 @@ def reference_card(scenario: Scenario) -> dict[str, str]:
         "happens": happens(scenario),
         **{heading: "; ".join(texts) or "nothing" for heading, texts in _parts(scenario).items()},
         "estimated": ", ".join(scenario.identify),
-        "bound": f"defined for {names}" if names else "no bound is defined, so there is no score",
+        "bound": f"defined for {names}" if names else "no score, because no bound is defined",
     }
 
 
@@ -51,7 +51,7 @@ def in_a_line(scenario: Scenario) -> str:
 def _parts(scenario: Scenario) -> dict[str, list[str]]:
     """Return descriptions of the tables of a scenario, keyed by heading.
 
-    The heading "unmodelled" contains the effects that the linear model does not describe.
+    The effects that the linear model does not describe have the heading "unmodelled".
     """
     s, tables = scenario, scenario.tables.values()
     sensors = [words for table in tables if table.exact and (words := table.in_words())]
@@ -72,13 +72,13 @@ def _parts(scenario: Scenario) -> dict[str, list[str]]:
 
 
 def show(name: str) -> tuple[dict[str, Any], list[str]]:
-    """Return the content of a scenario, a suite or an estimator, as a dict and as lines of text.
+    """Return the description of a scenario, a suite or an estimator as a dict and as lines of text.
 
     Parameters
     ----------
     name : str
-        Name of a scenario, suite or estimator, or path of a scenario file. The text lines of a
-        scenario contain its description and its TOML file.
+        Name of a scenario, suite or estimator, or path of a scenario file. For a scenario, the text
+        consists of its description and its TOML file.
 
     Raises
     ------

@@ -1,7 +1,7 @@
 """Find scenarios and suites in the catalogue by name or path, and list them.
 
-Slow modules are imported only after all names have been checked. Therefore a misspelt name causes
-an immediate error.
+Slow modules are imported only after the names of all scenarios have been checked. Therefore a
+misspelt scenario name causes an immediate error.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ HOME = Path(str(files("flexaxis.experiments.catalogue")))
 HASHES = "hashes.toml"
 STREAMS = "streams.toml"
 DRAWN = "-v2"
-"""Suffix of the names of scenarios with a random fault onset for each seed."""
+"""Suffix in the names of scenarios whose fault onset is random and depends on the seed."""
 SPREAD = 3.0  # `onset_spread` of every scenario with the suffix -v2 [s]
 SCORED = 5.0  # shortest time from the latest possible onset in -v2 to the end of the run [s]
 
@@ -68,8 +68,9 @@ Line = dict[str, str]
 class Suite:
     """A suite defines the scenarios, the estimators and the number of seeds of a benchmark.
 
-    The field `scenarios` contains names or, in a suite from `select`, Scenario objects. A benchmark
-    compares the `swept_estimators` at equal noise on the `swept_scenarios`.
+    The field `scenarios` contains scenario names. If `select` has created the suite, the field
+    contains Scenario objects. A benchmark also tunes the estimators in `swept_estimators` to equal
+    noise, and compares these estimators on the scenarios in `swept_scenarios`.
     """
 
     name: str
@@ -133,8 +134,8 @@ def _unknown(name: str) -> str:
 def find_scenario(name: str) -> Scenario:
     """Return the scenario with a given name in the catalogue, or read a scenario from a TOML file.
 
-    A scenario name without a suffix means version -v1. Version -v2 of a scenario has a random fault
-    onset for each seed.
+    A scenario name without a suffix means version -v1. In version -v2 of a scenario, the fault
+    onset is random and depends on the seed.
 
     Raises
     ------
@@ -174,7 +175,8 @@ def _frozen(scenario: Scenario, name: str) -> Scenario:
         )
     if frozen_hash != result:
         raise ScenarioError(
-            f"{name}: the content has the hash {result}, but the frozen hash is {frozen_hash}. "
+            f"{name}: the scenario content has the hash {result}, but its frozen hash is "
+            f"{frozen_hash}. "
             "Use a new name for a changed scenario. If you have added a key to Scenario, set its "
             "default to None, which does not affect hashes."
         )
@@ -252,7 +254,8 @@ def scenarios(*, group: str = "", find: str = "") -> list[Line]:
     group : str
         Name of the scenario group to list (default: all groups).
     find : str
-        Text that every listed scenario must contain. The search ignores case.
+        Text to search for in the name, group, difficulty, faults and description of each scenario.
+        The search ignores case.
 
     Raises
     ------

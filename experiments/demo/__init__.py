@@ -1,4 +1,4 @@
-"""The live demo: a simulated axis with two estimators, shown on a web page.
+"""The live demo: a simulated axis with two estimators, which are shown on a web page.
 
 The module `axis` simulates the axis, `racer` runs an estimator on the measured signals, and
 `tracking` records how the estimators track each parameter change. The module `session` combines the

@@ -29,16 +29,16 @@ FRICTION: Mapping[str, Mapping[str, Any]] = {
         }
     },
 }  # fmt: skip
-"""Scenario tables for each friction model that a user can choose, keyed by label.
+"""Scenario tables that define each friction model in the demo, keyed by label on the web page.
 
-For comparison, the root-mean-square motor torque is 0.85 N m.
+For comparison with the friction torques, the root-mean-square motor torque is 0.85 N m.
 """
 
 SENSORS: Mapping[str, Mapping[str, Any]] = {
     "speed with noise": {},
     "encoder, 2048 counts": {"output": "angle", "encoder": {"counts": 2048}},
 }
-"""Scenario keys for each motor sensor that a user can choose, keyed by label.
+"""Scenario keys that define each motor sensor in the demo, keyed by label on the web page.
 
 The encoder rounds the motor angle to the nearest count, but adds no noise.
 """
@@ -123,14 +123,14 @@ class LiveAxis:
         return np.array([*self.parameters.values(), *self.scenario.laws.values()])
 
     def theta(self, names: Sequence[str]) -> Array:
-        """Return the true values (p,) of the parameters `names`; f_c is 0 without dry friction."""
+        """Return the true values of the parameters in `names`; f_c is 0 without dry friction."""
         values = {"f_c": 0.0} | self.parameters.as_dict() | self.scenario.laws
         return true_theta(names, np.array([*values.values()]), tuple(values))
 
     def set_factors(self, factors: Mapping[str, float]) -> None:
         """Set some parameters to multiples of their nominal values, and reset all other parameters.
 
-        Each entry of `factors` is the ratio of a new parameter value to the nominal value.
+        The argument `factors` maps parameter names to ratios of new values to nominal values.
         """
         values = {n: v * factors.get(n, 1.0) for n, v in self.nominal.as_dict().items()}
         parameters = AxisParameters(**values)
@@ -138,12 +138,12 @@ class LiveAxis:
         self.parameters = parameters
 
     def set_friction(self, kind: str) -> None:
-        """Replace the friction model by an entry of `FRICTION`; keep all angles and speeds."""
+        """Use the friction model with the given label in `FRICTION`; keep all angles and speeds."""
         self._friction = FRICTION[kind]
         self._build()
 
     def set_sensor(self, kind: str) -> None:
-        """Replace the motor sensor by an entry of `SENSORS`."""
+        """Use the motor sensor with the given label in `SENSORS`."""
         self._sensor = SENSORS[kind]
         self._build()
 
@@ -170,8 +170,8 @@ class LiveAxis:
         Returns
         -------
         torque, measured, excited : ndarray (samples,)
-            Torque [N m], measured speed [rad/s] or measured angle [rad], and True at each sample
-            with a moving reference.
+            Torque [N m], measured speed [rad/s] or measured angle [rad], and whether the reference
+            moves at each sample.
         """
         torque, speed, angle = np.empty((3, samples))
         excited = np.empty(samples, bool)

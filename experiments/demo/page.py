@@ -35,7 +35,7 @@ LATEST = 8
 
 
 class Page:
-    """The web page of a session; a lock prevents clicks from interfering with the simulation.
+    """The web page of a demo session; a lock separates user actions from the simulation.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ class Page:
         clock.on_click(lambda _: self._wind(clock.value))
         self._clock, self._now = gui.add_markdown(""), gui.add_html("")
         bounds = ("bound, known parameter", COLOURS[3]), ("unknown", COLOURS[4])
-        self._left = _plot(gui, "error since the last change", (A, B, *bounds), x=SINCE, y=SHARE)
+        self._left = _plot(gui, "error after the last change", (A, B, *bounds), x=SINCE, y=SHARE)
         self._changes = gui.add_html("")
         with gui.add_folder("Axis: noise, excitation, friction, sensor", expand_by_default=False):
             noise = gui.add_slider("noise [rad/s]", 0.0, 0.5, 0.01, session.axis.noise)
@@ -174,7 +174,7 @@ class Page:
             self._session.do(action, *values)
 
     def _show(self, letter: str, sliders: Mapping[str, Any]) -> None:
-        """Show only the sliders of options that an estimator has, and set their current values."""
+        """Show a slider with the current value for each tunable option of an estimator."""
         tuning = self._session.racers["AB".index(letter)].tuning
         for option, slider in sliders.items():
             slider.visible = option in tuning
@@ -201,7 +201,7 @@ def _plot(gui: Any, title: str, lines: Sequence[tuple[str, str]], **scales: Any)
 
 
 def _since(values: Array) -> tuple[Array, ...]:
-    """Return the plot data: the time (n,) since a change, and the k columns of `values`."""
+    """Return the plot data: the time since a change (n,), and the k columns of `values`."""
     return (PERIOD * np.arange(1.0, len(values) + 1), *values.T)
 
 
@@ -226,7 +226,7 @@ def _values(session: DemoSession) -> str:
 
 
 def _changes(changes: Iterable[Change]) -> str:
-    """Return an HTML table of the latest changes with lags [s], detections and lag bounds [s]."""
+    """Return an HTML table of the latest parameter changes, with lags, bounds and detections."""
     rows = []
     for change in [*changes][: -LATEST - 1 : -1]:
         *lags, single, unknown = map(short, change.lags)

@@ -23,7 +23,7 @@ NAMES = PAPER
 SHOWN = (*NAMES, "f_c")
 """Names of the parameters on the web page; only some estimators also estimate f_c."""
 HYPOTHESES = (*SHOWN, "another")
-"""Hypotheses on the web page; "another" means the most probable of all other parameters."""
+"""Parameters that may have jumped; "another" is the most probable of all other parameters."""
 WATCHED = sample_index(5.0, PERIOD)
 """Number of samples after a change at which the hypothesis probabilities are recorded."""
 SETTLE = sample_index(2.0, PERIOD)
@@ -60,14 +60,14 @@ class Racer:
     theta : ndarray (p,)
         Current estimates.
     thoughts : list of ndarray (5,)
-        Jump probabilities of all parameters in `HYPOTHESES`, with one array per sample since the
-        last call of `watch`.
+        Jump probabilities of the parameters in `HYPOTHESES`, as one array per sample since the last
+        call of `watch`.
 
     Raises
     ------
     EstimatorError, FlexaxisError
-        If the estimator does not exist, or does not estimate the parameters `NAMES` from the signal
-        `output`.
+        If the estimator does not exist, or does not estimate the parameters in `NAMES` from the
+        signal `output`.
     """
 
     def __init__(
@@ -96,7 +96,7 @@ class Racer:
 
     @property
     def deviation(self) -> Array:
-        """Reported standard deviations (4,) of the parameters `SHOWN`, or NaN."""
+        """Reported standard deviations of the parameters in `SHOWN`, or NaN, as an array (4,)."""
         covariance = getattr(self._estimator, "covariance", None)
         if covariance is None:
             return np.full(len(SHOWN), np.nan)
@@ -113,9 +113,10 @@ class Racer:
         return ""
 
     def shown(self, values: Array) -> Array:
-        """Return the columns (…, 4) of the parameters `SHOWN`, given all columns (…, p).
+        """Return the columns of the parameters in `SHOWN`, as an array (…, 4).
 
-        A column is NaN if the estimator does not estimate the parameter of this column.
+        The columns of `values` (…, p) correspond to the parameters that the estimator estimates. If
+        the estimator does not estimate a parameter in `SHOWN`, the returned column is NaN.
         """
         missing = np.full((*values.shape[:-1], 1), np.nan)
         columns: Array = np.concatenate([values, missing], axis=-1)[..., self._columns]
@@ -126,7 +127,7 @@ class Racer:
         self.thoughts, self._changed = [], self._seen
 
     def run(self, torque: Array, measured: Array) -> Array:
-        """Process the next samples (n,), and return the estimates (n, 4) of `SHOWN`."""
+        """Process n samples, and return the estimates of the parameters in `SHOWN` as (n, 4)."""
         each = hasattr(self._estimator, "beliefs") and len(self.thoughts) < WATCHED
         estimates = []
         for part in np.split(np.stack([torque, measured]), len(torque) if each else 1, axis=1):
@@ -138,7 +139,7 @@ class Racer:
         return self.shown(np.concatenate(estimates))
 
     def tune(self, option: str, value: float, recent: Array) -> None:
-        """Change an option of the estimator without changing its estimates and its matrix P.
+        """Change an option of the estimator; keep its estimates and its matrix P.
 
         Parameters
         ----------
@@ -152,8 +153,8 @@ class Racer:
         Raises
         ------
         EstimatorError, FlexaxisError
-            If the estimator does not have the option or rejects the value. After an error, the
-            estimator keeps its old options.
+            If the estimator does not have the option, or does not accept the option value. After an
+            error, the estimator keeps its old options.
         """
         if option not in self.tuning:
             raise FlexaxisError(f"the estimator {self.text} has no tunable option {option}")
@@ -166,7 +167,7 @@ class Racer:
 
         The rows of `recent` (2, n) are the torque [N m] and the measured signal. The first measured
         samples are marked as missing. At a missing sample, the predictor uses only the torque.
-        Therefore the initial state error of the predictor decays.
+        During these samples, the initial state error of the predictor therefore decays.
         """
         self._seen = 0
         torque, measured = recent

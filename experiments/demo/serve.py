@@ -43,7 +43,8 @@ def serve(
         Names and options of two estimators, in the format of `--estimator` (default: the estimators
         of the lesson).
     lesson : Path, optional
-        Path of a lesson file, which is a TOML file with timed actions that replace clicks.
+        Path of a lesson file, which is a TOML file with timed actions. The actions of a lesson
+        replace user clicks.
     seed : int, optional
         Random seed of the simulation (default: the seed of the lesson, or 0).
     port : int, optional
@@ -111,7 +112,7 @@ def start(port: int | None = None) -> Any:
     Parameters
     ----------
     port : int, optional
-        Port of the web server, as in `serve`.
+        Port of the web server (default: 8080, or the next free port).
 
     Raises
     ------
@@ -140,7 +141,7 @@ def start(port: int | None = None) -> Any:
 def _own_pages_only() -> Iterator[None]:
     """Let new websocket servers reject connections from all web pages except the demo page.
 
-    Without this restriction, any web page in the browser could connect to the demo. The other web
+    Without this restriction, any web page in the browser could connect to the demo. Another web
     page could even use a host name that resolves to this computer (DNS rebinding). The library
     viser does not prevent connections from other web pages.
     """
@@ -167,7 +168,7 @@ def _own_pages_only() -> Iterator[None]:
 
 
 def _loop(page: Page, server: Any, stopping: Event) -> None:
-    """Simulate the axis and draw the web page in real time, until `stopping` is set."""
+    """Simulate the axis and draw the web page in real time, until the event `stopping` is set."""
     before, owed, next_curves = time.monotonic(), 0.0, 0.0
     while not stopping.wait(max(0.0, before + 1 / FRAMES - time.monotonic())):
         now = time.monotonic()

@@ -23,7 +23,7 @@ SPAN = 40.0
 RECENT = SETTLE + sample_index(3.0, PERIOD)
 """Number of past samples that a newly selected estimator processes first."""
 DEFAULT_RACERS = ("rpem-forgetting", RECOMMENDED)
-"""Names of the default estimators: the method of the paper, and the recommended estimator."""
+"""Default estimators of the demo: the method of Östring and Gunnarsson, and the recommended one."""
 
 BUTTONS: Mapping[str, tuple[str, float]] = {
     "motor friction f_m × 2": ("f_m", 2.0),
@@ -31,14 +31,14 @@ BUTTONS: Mapping[str, tuple[str, float]] = {
     "weak motor k_T × 0.9": ("k_T", 0.9),
     "soft arm k_a × 0.9": ("k_a", 0.9),
 }
-"""Parameter that each button changes, and ratio of the new value to the nominal value."""
+"""Parameter that each fault button changes, and ratio of its new value to its nominal value."""
 
 
 ACTIONS = (
     "inject", "repair", "set_friction", "set_excitation", "set_noise", "set_sensor", "tune",
     "choose",
 )  # fmt: skip
-"""Names of the methods that a user or a lesson can call."""
+"""Names of the session methods that a user or a lesson can call."""
 
 
 class DemoSession:
@@ -80,7 +80,7 @@ class DemoSession:
         self.racers = [Racer(text, self.axis.nominal) for text in estimators]
         self.factors: dict[str, float] = {}
         self.changes: list[Change] = []
-        self.message = "no fault: the estimates are close to the true values"
+        self.message = "no fault: all parameters have their nominal values"
         self._marks: deque[tuple[Array, ...]] = deque(maxlen=round(SPAN / PERIOD / MARK))
         self._recent = np.empty((2, 0))
 
@@ -103,10 +103,10 @@ class DemoSession:
     def curves(self) -> dict[str, Array]:
         """Return the curves of the last `SPAN` seconds, with one point per `MARK` samples.
 
-        The arrays ``truth`` (M, 4) contain the true values at ``time`` (M,). The arrays ``theta``
-        and ``deviation`` (M, 2, 4) contain the estimates and standard deviations of both
-        estimators. The last dimension of each array corresponds to the parameters `SHOWN`. Missing
-        values are 0.
+        The array ``truth`` (M, 4) contains the true parameter values at the times ``time`` (M,).
+        The arrays ``theta`` and ``deviation`` (M, 2, 4) contain the estimates of both estimators
+        and their standard deviations. The last dimension of these arrays corresponds to the
+        parameters in `SHOWN`. Missing values are 0.
         """
         names = ("time", "truth", "theta", "deviation")
         columns = [np.nan_to_num(column) for column in zip(*self._marks, strict=True)]
@@ -124,7 +124,7 @@ class DemoSession:
             self.message = f"at {self.axis.time:.1f} s: {what}"
 
     def inject(self, parameter: str, factor: float) -> str:
-        """Set a parameter to `factor` times its nominal value, and record the estimation errors."""
+        """Set a parameter to `factor` times its nominal value, and start to record the errors."""
         if parameter not in self.axis.nominal or not 0.5 <= factor <= 2:
             raise FlexaxisError(
                 f"{parameter} × {factor:g}: use a parameter of the axis, and a factor of 0.5 to 2"
@@ -145,7 +145,7 @@ class DemoSession:
         return self._follow("repaired", before)
 
     def set_friction(self, kind: str) -> str:
-        """Replace the friction model by an entry of `flexaxis.experiments.demo.axis.FRICTION`."""
+        """Use the friction model with the given label in `demo.axis.FRICTION`."""
         if kind not in FRICTION:
             raise FlexaxisError(unknown("friction", kind, FRICTION))
         before = self.axis.theta(SHOWN)
@@ -165,7 +165,7 @@ class DemoSession:
         return f"noise {noise:g} rad/s"
 
     def set_sensor(self, kind: str) -> str:
-        """Replace the motor sensor by an entry of `flexaxis.experiments.demo.axis.SENSORS`.
+        """Use the motor sensor with the given label in `demo.axis.SENSORS`.
 
         Both estimators restart at nominal parameter values, because the measured signal changes.
         """
@@ -194,7 +194,7 @@ class DemoSession:
         return f"{racer} is now {estimator}"
 
     def _follow(self, what: str, before: Array) -> str:
-        """Start to record the estimation errors after a change, and return a description."""
+        """Start to record the errors after a parameter change, and return its description."""
         change = Change(self.axis, what, before)
         self.changes.append(change)
         for racer in self.racers:

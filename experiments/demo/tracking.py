@@ -34,22 +34,23 @@ class Change:
     what : str
         Description of the change.
     before : ndarray (4,)
-        True values of the parameters `SHOWN` before the change.
+        True values of the parameters in `SHOWN` before the change.
 
     Attributes
     ----------
     at : int
         Index of the first sample after the change.
     parameter : str or None
-        Name of the parameter in `SHOWN` with the largest change, or None if no parameter changed.
+        Name of the parameter in `SHOWN` with the largest relative change, or None if no parameter
+        has changed.
     curves : ndarray (n, 4)
-        Absolute errors of both estimators, and two Cramér–Rao bounds of the mean absolute error,
-        for at most 5 s after the change. The first bound assumes that the estimator knows which
-        parameter has changed. The second bound assumes that the estimator does not know the changed
-        parameter. Both bounds assume that the estimator knows the time of the change. An undefined
-        bound is NaN.
+        Absolute errors of both estimators, and two Cramér–Rao bounds of the mean absolute error, at
+        each sample of the first 5 s after the change. The first bound assumes that the estimator
+        knows which parameter has changed. The second bound assumes that the estimator does not know
+        the changed parameter. Both bounds assume that the estimator knows the time of the change.
+        If a bound is not defined, its values are NaN.
     findings : list of str
-        Description of the change that each estimator has reported.
+        Description of the change that each estimator has detected.
     """
 
     def __init__(self, axis: LiveAxis, what: str, before: Array) -> None:
@@ -69,12 +70,12 @@ class Change:
 
     @property
     def open(self) -> bool:
-        """Whether further samples are added to the curves."""
+        """Whether the curves are still incomplete, so that `take` adds further samples."""
         return self.parameter is not None and len(self.curves) < LENGTH
 
     @property
     def lags(self) -> Array:
-        """Integrals (4,) of the curves from the time of the change to the last sample [s]."""
+        """Integrals of the four curves from the time of the change to the last sample [s]."""
         return np.asarray(lag(self.curves, PERIOD))
 
     def take(self, estimates: Sequence[Array], torque: Array, excited: NDArray[np.bool_]) -> None:
@@ -83,11 +84,11 @@ class Change:
         Parameters
         ----------
         estimates : sequence of ndarray (n, 4)
-            Estimates of the parameters `SHOWN` from each estimator.
+            Estimates of the parameters in `SHOWN` from each estimator.
         torque : ndarray (n,)
             Torque [N m].
         excited : ndarray (n,)
-            True at each sample with a moving reference.
+            Whether the reference moves at each sample.
         """
         if not self.open:
             return

@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 STRIDE = 4
 """Number of samples between successive frames of a replay."""
 WAYS = {"egl": "EGL", "osmesa": "OSMesa"}
-"""Libraries for rendering without a display, keyed by MUJOCO_GL; the first is preferred."""
+"""Libraries for rendering without a display, keyed by MUJOCO_GL value; the first is preferred."""
 
 
 def view(
@@ -42,18 +42,17 @@ def view(
     Parameters
     ----------
     run : str, Path, Scenario or Record
-        Record to show, or scenario to simulate and show. The argument can also be the name or path
-        of a scenario.
+        Record to show, or scenario to simulate and show. A scenario can also be given by its name
+        or path.
     seed : int
         Random seed of the simulation.
     at : float
         Time of the image, or start time of the replay [s].
     exaggerate : float
-        Magnification of the joint twist. Without magnification (1), the drawing shows the true
-        angles.
+        Magnification of the joint twist. If the value is 1, the drawing shows the true angles.
     picture : str or Path, optional
-        Path of the PNG file to write. By default, the function opens a window. Writing a PNG file
-        does not require a display.
+        Path of the PNG file to write. By default, the function writes no file and opens a window.
+        Writing a PNG file does not require a display.
 
     Returns
     -------
@@ -89,7 +88,7 @@ def view(
 
 
 def poses(record: Record, *, exaggerate: float) -> Array:
-    """Return the angles (N, n) [rad] at which the n masses are drawn, with magnified twist.
+    """Return the angles at which the n masses are drawn, with magnified twist [rad], as (N, n).
 
     Raises
     ------
@@ -107,7 +106,7 @@ def poses(record: Record, *, exaggerate: float) -> Array:
 
 
 def exaggerated(angles: Array, *, ratio: float, exaggerate: float) -> Array:
-    """Magnify the joint twist, and return the angles (…, n) [rad] at which to draw the masses.
+    """Magnify the joint twist, and return the angles at which to draw the n masses [rad].
 
     The function multiplies the deviation of each mass from the angle of a rigid axis by
     `exaggerate`.
@@ -136,7 +135,7 @@ def _draw(mujoco: Any, model: Any, data: Any, path: Path) -> None:
 
 
 def _replay(mujoco: Any, model: Any, data: Any, angles: Array, period: float) -> None:
-    """Replay the angles (N, n) [rad] in a window, until the user closes the window."""
+    """Replay the motion with the angles (N, n) in a window, until the user closes the window."""
     try:
         viewer = import_module("mujoco.viewer").launch_passive(model, data)
     except Exception as error:

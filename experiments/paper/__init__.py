@@ -1,7 +1,7 @@
-"""Reproduce the paper of Östring and Gunnarsson with data from MuJoCo.
+"""Reproduce the results of the paper of Östring and Gunnarsson with data from MuJoCo.
 
 The module `evidence` simulates the experiments and estimates the parameters. The module `measures`
 computes a numerical measure for each claim from the estimates. The module `claims` and the file
-``claims.toml`` use the measures to check the claims of the paper. The module `figures` draws the
+``claims.toml`` use these measures to check the claims of the paper. The module `figures` draws the
 figures, and the module `reproduce` writes the web page.
 """

@@ -23,7 +23,7 @@ PEAKS = (95.0, 125.0, 185.0)
 
 
 def nearest_half_of_P(ratios: pd.Series) -> bool:
-    """Return whether the measured variances are closer to σ²P/2 than to σ²P or σ²P/4.
+    """Return whether the measured estimate variances are closer to σ²P/2 than to σ²P or σ²P/4.
 
     The argument `ratios` contains the measured standard deviations divided by √(σ²P/2). The
     standard deviations for σ²P and σ²P/4 differ from √(σ²P/2) by a factor of √2.
@@ -57,7 +57,7 @@ CONDITIONS: Mapping[str, Callable[[pd.Series], Any]] = {
 def holds(name: str, measured: pd.Series) -> bool:
     """Return whether the measured values satisfy the limits and the condition of a claim.
 
-    A claim without a condition must have at least one measured value.
+    A claim without an additional condition must have at least one measured value.
     """
     limits = CLAIMS[name].get("between", [-np.inf, np.inf])
     condition = CONDITIONS.get(name, len)
@@ -67,8 +67,8 @@ def holds(name: str, measured: pd.Series) -> bool:
 def decide(name: str, evidence: Measures) -> dict[str, Any]:
     """Check a claim of the paper, and return its entry for the file claims.json.
 
-    The measured values are keyed by the names of the identified parameters. A single measured value
-    has the key ``value``. Numbers that are not finite are replaced by None.
+    The measured values are keyed by the names of the identified parameters. If there is only one
+    measured value, its key is ``value``. Measured values that are not finite are replaced by None.
     """
     claim = CLAIMS[name]
     result = getattr(evidence, claim["measure"])(*claim.get("with", ()))

@@ -1,7 +1,7 @@
 """Provide the data for the paper's claims: runs simulated with MuJoCo, and parameter estimates.
 
-The seeds of the simulated runs were not used to tune any estimator. Each record and each estimate
-is computed when it is first used.
+The seeds of the simulated runs were not used to tune any estimator. The module computes each record
+and each estimate when it is first used.
 """
 
 from collections.abc import Mapping, Sequence
@@ -29,8 +29,8 @@ Method = str | tuple[float, ...]
 FAULTS = {"k_T": ("kt_step-v1", 0.97), "1/J_a": ("ja_step-v1", 1.02), "f_m": ("fm_step-v1", 1.1)}
 """Scenario with a step of each parameter, and factor of a smaller step, keyed by parameter.
 
-The factor of the smaller step multiplies k_T, J_a or f_m. The smaller step is small enough for
-linear theory, but much larger than the noise.
+A smaller step multiplies k_T, J_a or f_m by the factor. Each smaller step is small enough for
+linear theory, but its effect is much larger than the noise.
 """
 PAUSE = (10.0, 30.0)
 """Start and end time of the standstill in the scenario that demonstrates windup [s]."""
@@ -40,15 +40,15 @@ SIZES = {"nominal": 30, "long": 8, "calm": 30, "others": 16}
 """Number of simulated runs for each scenario.
 
 The scenario "nominal" is the experiment of the paper, and "long" is a longer experiment of 60 s. In
-the scenario "calm", the estimates start at the true parameters. The number "others" applies to each
-scenario with a standstill or a fault.
+the scenario "calm", the estimates start at the true parameters. The entry "others" is the number of
+runs for each scenario with a standstill or a fault.
 """
 STRIDE = 20
 """Number of samples between successive stored values of the matrix P."""
 
 
 class Runs(NamedTuple):
-    """Results of the recursive prediction-error method for S records of N samples.
+    """Results of the recursive prediction-error method for S records with N samples each.
 
     Attributes
     ----------
@@ -92,7 +92,8 @@ class Evidence:
     adaptations : dict of str to dict
         Options of the class `Rpem`, keyed by the name of the method. The methods are forgetting
         with the λ of the paper, covariance modification with the Δ of equation (32), and two slower
-        methods. A method can also be a tuple with one time constant per parameter [s].
+        methods. Instead of a method name, a tuple with one time constant per parameter [s] is also
+        allowed.
     """
 
     def __init__(self, *, first: int = FIRST, sizes: Mapping[str, int] = SIZES) -> None:
@@ -136,11 +137,11 @@ class Evidence:
         return nominal_torque(self.scenario)
 
     def predict(self, torque: Array) -> tuple[Array, Array]:
-        """Compute the prediction ŷ (N,) and its gradient ψ (N, p) with nominal parameters."""
+        """Compute the predicted output ŷ (N,) and its gradient ψ (N, p) with nominal parameters."""
         return predict(self.model, self.theta, torque, period=self.period)
 
     def steady(self, signal: Array) -> Array:
-        """Return the last two periods of a signal (N, …), which contain no transients."""
+        """Return the last two periods of the signal (N, …), which contain no initial transient."""
         return signal[-2 * round(self.excitation.period / self.period) :]
 
     def gradient_power(self, torque: Array) -> Array:
@@ -172,7 +173,7 @@ class Evidence:
         )  # fmt: skip
 
     def runs(self, method: Method) -> Runs:
-        """Return the results of a method.
+        """Return the estimates of a method.
 
         The methods in `METHODS` use the experiment of the paper. The slower methods use the
         experiment of 60 s, and start at nominal parameter values.
@@ -181,7 +182,7 @@ class Evidence:
 
     @cache  # noqa: B019
     def filtered(self, group: str, method: Method, *, mu: float = 0.0, prior: float = 0.0) -> Runs:
-        """Run the recursive prediction-error method on all records of a scenario.
+        """Run the recursive prediction-error method (RPEM) on all records of a scenario.
 
         If the estimates start at nominal values, equation (29) or (30) determines P(0). Otherwise
         the method `recipe` determines P(0).
@@ -195,8 +196,8 @@ class Evidence:
         mu : float
             Regularisation parameter μ of equation (12).
         prior : float
-            Relative standard deviation of the estimates after a reset of P at the fault onset. The
-            value 0 means that P is not reset.
+            Relative standard deviation of the estimates after a reset of P at the fault onset. If
+            `prior` is 0, P is not reset.
         """
         theta, P, nominal, start = [], [], self.theta, self.scenarios[group].start
         P0 = self.steady_P(method) if start == 1 else self.recipe(method)
@@ -218,8 +219,8 @@ class Evidence:
     def identified(self, names: Sequence[str], start: float, record: int = 0) -> Identified:
         """Identify parameters off-line from a record of 60 s.
 
-        The argument `start` is the ratio of initial parameter values to nominal values, and
-        `record` is the index of the record.
+        The argument `start` is the ratio of all initial parameter values to their nominal values,
+        and `record` is the index of the record.
         """
         theta = start * self.axis.parametrize(names).theta
         measured = signals(self.records("long")[record])

@@ -1,4 +1,4 @@
-"""Draw Figures 3 to 9 of the paper; each function draws one figure and returns the figure."""
+"""Draw Figures 3 to 9 of the paper of Östring and Gunnarsson with data from MuJoCo."""
 
 from collections.abc import Iterable, Mapping
 from functools import partial
@@ -17,7 +17,7 @@ FREQUENCY, TIME = "frequency [rad/s]", "time [s]"
 
 
 def named(names: Iterable[str], x: Any, rows: Any, **options: Any) -> list[Series]:
-    """Return one labelled curve for each row (M,) of ordinates, with common abscissae `x` (M,)."""
+    """Return one labelled curve for each row of y-values, with common x-values `x`."""
     return [
         Series(x=x, y=y, estimator=name, **options) for name, y in zip(names, rows, strict=True)
     ]
@@ -36,7 +36,7 @@ def fig3(e: Measures) -> Figure:
 
 
 def fig4(e: Measures) -> Figure:
-    """Draw Bode diagrams of the axis, the identified physical model and an ARX model."""
+    """Draw the Bode diagrams of the axis, the identified physical model and an ARX model."""
     omega = np.geomspace(20, 400, 600)
     result, names = e.responses(omega), (PHYSICAL, "ARX, order 40")
     rows = np.array([result[name] for name in ("axis", *names)])
@@ -72,7 +72,7 @@ def estimates(method: str, e: Measures) -> Figure:
 
 
 def diagonal(method: str, e: Measures) -> Figure:
-    """Draw the diagonal of P in the first run together with its theoretical values."""
+    """Draw the diagonal of the matrix P in the first run, together with its theoretical values."""
     time, y = e.scenario.times[STRIDE - 1 :: STRIDE], "diagonal of P"
     levels = np.outer(np.diag(e.steady_P(method)), [1, 1])
     theory = named(e.names, time[[0, -1]], levels, role="bound", label="_")
@@ -102,7 +102,7 @@ FIGURES: Mapping[str, tuple[Any, str, str]] = {
     "fig7": (
         partial(diagonal, "forgetting"),
         "Figure 7. Diagonal of P with forgetting, first run",
-        "The dotted lines show (1−λ) Q⁻¹ of equation (29).",
+        "The dotted lines show the theoretical values (1−λ) Q⁻¹ of equation (29).",
     ),
     "fig8": (
         partial(estimates, "modification"),
@@ -112,7 +112,7 @@ FIGURES: Mapping[str, tuple[Any, str, str]] = {
     "fig9": (
         partial(diagonal, "modification"),
         "Figure 9. Diagonal of P with covariance modification, first run",
-        "The dotted lines show the solution of P Q P = Δ, equation (30).",
+        "The dotted lines show the theoretical values, which solve P Q P = Δ, equation (30).",
     ),
 }
 """Function, title and caption of each figure, keyed by the name of the image file."""

@@ -34,21 +34,21 @@ from flexaxis.sim.simulate import simulate
 
 PHYSICAL = "physical model, identified"
 BAND = (40.0, 188.0)
-"""Frequency band of the excitation, in which the models of Figure 4 are compared [rad/s]."""
+"""Frequency band of the excitation, in which Figure 4 compares the models [rad/s]."""
 ORDERS = (10, 30, 40)
 """Orders of the ARX models."""
 SLOW = (3 * (1.2,), 3 * (2.4,))
 """Time constants of two slow designs [s], which are longer than the plant time constants."""
 MU = (0.1, 1.0, 10.0)
-"""Values of μ in equation (12) for which P(0) is smaller than the bound of P."""
+"""Values of the regularisation parameter μ for which P(0) is below the bound of P."""
 WINDOW = 1000
-"""Number of samples that are evaluated after a fault or a standstill."""
+"""Number of samples after a fault or a standstill that the measures evaluate."""
 LAST = 2000
-"""Number of samples at the end of a run that determine standard deviations."""
+"""Number of samples at the end of a run from which standard deviations are computed."""
 
 
 def worst(ratios: ArrayLike) -> Array:
-    """Return the largest of all ratios and inverse ratios in each column (S, p)."""
+    """Return the ratio that differs most from 1 in each column, inverted if it is below 1."""
     return np.exp(np.abs(np.log(ratios)).max(axis=0))
 
 
@@ -58,7 +58,7 @@ def decibels(response: Any) -> Any:
 
 
 def std(runs: Runs) -> Array:
-    """Return the relative standard deviations (p,) of the parameter estimates.
+    """Return the relative standard deviation of each parameter estimate (p,).
 
     The function computes the variance across all runs at each time, and averages this variance over
     the last 10 s. The variance of a single run over time would be too small for slow estimates,
@@ -68,16 +68,19 @@ def std(runs: Runs) -> Array:
 
 
 class Measures(Evidence):
-    """Measures that test the claims of the paper; each public method computes one measure."""
+    """Measures that test the claims of the paper; each public method computes one measure.
+
+    If a measure has one value for each identified parameter, the method returns an array (p,).
+    """
 
     def prediction_error(self) -> Any:
-        """Return the rms prediction error with true parameters, divided by the rms true speed."""
+        """Return the rms prediction error for true parameters, divided by the rms motor speed."""
         record = self.records("nominal")[0]
         error = self.predict(record.torque)[0] - record.true_speed
         return np.std(error) / np.std(record.true_speed)
 
     def samples_late(self) -> ByName:
-        """Return the delay between a step of each parameter and its effect on the speed [samples].
+        """Return the delay from a step of each parameter to the effect on the speed [samples].
 
         The method compares each run with a second run, in which the step occurs one sample later.
         The effect begins at the first sample at which the two runs differ. The delay is 0 if the
@@ -99,7 +102,10 @@ class Measures(Evidence):
                 for i, j in np.argwhere(slope)}  # fmt: skip
 
     def gradient_error(self) -> ByName:
-        """Compare ψ with a finite difference of ŷ, and return the relative error per parameter."""
+        """Return the relative error of the gradient ψ with respect to each parameter.
+
+        The reference for the gradient is a finite difference of the predicted output ŷ.
+        """
         model = self.axis.parametrize(self.axis.parameters)
         torque = self.records("nominal")[0].torque[:WINDOW]
         both = partial(predict, model, u=torque, period=self.period)
@@ -128,16 +134,16 @@ class Measures(Evidence):
         return {f"peak {i}": w for i, w in enumerate(omega[peaks - 1], 1)}
 
     def low_energy(self) -> Any:
-        """Return the fraction of the torque energy below 70 rad/s [%]."""
+        """Return the fraction of the torque energy that lies below 70 rad/s [%]."""
         omega, amplitude = self.torque_lines()
         return 100 * np.sum(amplitude[omega < 70] ** 2) / np.sum(amplitude**2)
 
     def gradient_variances(self) -> Array:
-        """Return the gradient variances E ψ² (p,) of all parameters."""
+        """Return the gradient variance E ψ² for each parameter, as an array (p,)."""
         return np.diag(self.Q)
 
     def power_over_spectrum(self) -> Array:
-        """Return the mean of ψ² (p,) divided by the integral of |G_θ|² Φ_u in the worst run."""
+        """Return the worst ratio of the mean of ψ² to the integral of |G_θ|² Φ_u over all runs."""
         ratios = []
         for record in self.records("nominal"):
             power = self.gradient_power(record.torque)
@@ -147,25 +153,25 @@ class Measures(Evidence):
         return worst(ratios)
 
     def offline_error(self) -> Array:
-        """Return the largest error (p,) of off-line identification over all runs [% of nominal]."""
+        """Return the largest off-line error of each parameter in all runs [% of nominal value]."""
         return 100 * np.max([np.abs(run.theta / self.theta - 1) for run in self.offline], axis=0)
 
     def offline_deviations(self) -> Array:
-        """Return the absolute off-line errors (S, p) divided by reported standard deviations."""
+        """Return the absolute off-line errors, divided by their reported standard deviations."""
         return np.abs([(r.theta - self.theta) / r.standard_deviations for r in self.offline])
 
     def worst_deviations(self) -> Array:
-        """Return the largest value (p,) of `offline_deviations` for each parameter."""
+        """Return the largest normalised off-line estimation error of each parameter in all runs."""
         return self.offline_deviations().max(axis=0)
 
     def rms_deviation(self) -> Any:
-        """Return the root-mean-square value of `offline_deviations`."""
+        """Return the root mean square of all normalised off-line estimation errors."""
         return rms(self.offline_deviations().ravel())
 
     def near_starts(self) -> ByName:
-        """Return the largest relative difference between two off-line results, and their warnings.
+        """Compare two off-line estimates, and return their largest relative difference.
 
-        The two searches start at 1.2 and 1.5 times the nominal parameters. The value ``warnings``
+        The two searches start at 1.2 and 1.5 times the nominal parameters. The entry ``warnings``
         is the total number of warnings from both searches.
         """
         near, other = self.offline[0], self.identified(self.names, 1.5)
@@ -175,7 +181,7 @@ class Measures(Evidence):
     def far_starts(self) -> ByName:
         """Return the residual correlation for each search with initial values far from nominal.
 
-        The returned value is 0 if the search does not warn of a local minimum.
+        If the search does not warn of a local minimum, the function returns 0 instead.
         """
         runs = {f"{start:g}×": self.identified(self.names, start) for start in (0.5, 0.7, 2.0)}
         return {
@@ -183,16 +189,16 @@ class Measures(Evidence):
         }
 
     def free_scale(self) -> ByName:
-        """Return the condition number if all parameters except r are identified off-line.
+        """Return the condition number of the off-line identification of all parameters except r.
 
-        The value ``unnamed`` is the number of parameters without a warning.
+        The entry ``unnamed`` is the number of parameters that no warning mentions.
         """
         run = self.identified(self.axis.parameters[:-1], 1.0)  # all parameters except r, the last
         warned = " ".join(run.warnings)
         return {"condition": run.condition, "unnamed": sum(n not in warned for n in run.names)}
 
     def responses(self, omega: Array) -> dict[str, Any]:
-        """Return the frequency responses (M,) of the axis and of all models in Figure 4."""
+        """Return the frequency responses of the axis and all models in Figure 4, keyed by name."""
         u, y = signals(self.records("long")[0])
         result = {}
         for n in ORDERS:
@@ -204,64 +210,71 @@ class Measures(Evidence):
         return result
 
     def magnitude_error(self, *names: str) -> ByName:
-        """Return the largest magnitude error of each model within `BAND` [dB], keyed by model."""
+        """Return the largest magnitude error of each model in the excited frequency band [dB]."""
         result = self.responses(np.linspace(*BAND, 400))
         return {name: np.abs(decibels(result[name] / result["axis"])).max() for name in names}
 
     def final_error(self, percentile: float) -> Array:
-        """Return a percentile (p,) of the final errors in all runs with forgetting [%]."""
+        """Return a percentile of each parameter's final error in all runs with forgetting [%]."""
         errors = np.abs(self.runs("forgetting").theta[:, -1] - 1)
         return 100 * np.percentile(errors, percentile, axis=0)
 
     def settled(self, errors: Iterable[Array], level: float) -> Array:
-        """Return the settling times (p,) [s], after which the median error remains below a level.
+        """Return the time after which the median error of each parameter remains below a limit [s].
 
         Parameters
         ----------
         errors : iterable of ndarray (S, n)
             Estimation errors of each parameter in S runs at n samples.
         level : float
-            Limit for the absolute value of the median error.
+            Limit of the absolute value of the median error.
         """
         medians = [np.median(error, axis=0) for error in errors]
         return np.array([settling(error, level, self.period) for error in medians], float)
 
     def times(self, method: str, level: float) -> Array:
-        """Return the settling times (p,) [s] of the median error relative to the initial error."""
+        """Return the settling time of the median error of each parameter [s].
+
+        After the settling time, the median error is below the fraction `level` of the initial
+        error.
+        """
         errors = (self.runs(method).theta - 1) / (self.scenario.start - 1)
         return self.settled(errors.transpose(2, 0, 1), level)
 
     def mean_P(self, method: str) -> Array:
-        """Return the mean diagonal (p,) of P over the second half of all runs."""
+        """Return the diagonal of P, averaged over the second half of all runs, as an array (p,)."""
         P = self.runs(method).P
         return P[:, P.shape[1] // 2 :].mean(axis=(0, 1))
 
     def growth_of_P(self) -> Array:
-        """Return the diagonal (p,) of P with Δ of equation (32), divided by its value with Δ/16."""
+        """Return the mean diagonal of P, divided by the mean diagonal with a smaller matrix Δ.
+
+        The first matrix Δ is from equation (32), and the smaller matrix is Δ/16.
+        """
         return self.mean_P("modification") / self.mean_P("slow modification")
 
     def recipe_over_mean(self) -> Array:
-        """Return the diagonal (p,) of P(0) divided by the mean of diag P for the worst method."""
+        """Return the diagonal of P(0) divided by the mean diagonal of P, for the worst method."""
         return worst([self.recipe(method) / self.mean_P(method) for method in METHODS])
 
     def times_of_k_T(self) -> ByName:
-        """Return the time until the k_T error is below 37 % of the initial error [s]."""
+        """Return the time until the k_T error falls below 37 % of its initial value [s]."""
         return {method: self.times(method, 0.37)[0] for method in METHODS}
 
     def stds(self, name: str) -> ByName:
-        """Return the standard deviation of a parameter estimate [%], keyed by method."""
+        """Return the relative standard deviation of a parameter estimate [%], keyed by method."""
         return {m: 100 * std(self.runs(m))[self.names.index(name)] for m in METHODS}
 
     def over_theory(self, method: str) -> Array:
-        """Return the mean diagonal (p,) of P, divided by its value in equation (29) or (30)."""
+        """Return the mean diagonal of P, divided by the theoretical diagonal of P."""
         return self.mean_P(method) / np.diag(self.steady_P(method))
 
     def claimed(self, P: Array) -> Array:
-        """Return the relative standard deviations √(σ² P/2) (p,) for a matrix P (p, p)."""
+        """Return the relative standard deviations of the estimates according to √(σ² P/2)."""
         return np.sqrt(np.diag(estimate_covariance(P, self.scenario.noise.speed**2))) / self.theta
 
     def std_over_claim(self, method: str) -> Array:
-        """Return the measured standard deviations (p,) divided by √(σ² P/2) with the mean of P."""
+        """Return the measured standard deviations divided by √(σ² P/2) for the mean of P."""
         return std(self.runs(method)) / self.claimed(np.diag(self.mean_P(method)))
 
     def peaks_over_bounds(self, method: str) -> ByName:
@@ -276,12 +289,12 @@ class Measures(Evidence):
         return result
 
     def growth(self) -> Any:
-        """Return the growth factor of P during a standstill without regularisation."""
+        """Return the factor by which P grows during a standstill if P is not regularised."""
         P = self.filtered("pause", "forgetting").P
         return P.max() / P[:, 0].max()
 
     def bursts(self) -> ByName:
-        """Return the median of the largest errors after a standstill over all runs [%]."""
+        """Return the largest relative error after a standstill, as the median over all runs [%]."""
         restart, result = round(PAUSE[1] / self.period), {}
         for mu in (0.0, 1.0):
             theta = self.filtered("pause", "forgetting", mu=mu).theta[:, restart:][:, :WINDOW]
@@ -289,7 +302,7 @@ class Measures(Evidence):
         return result
 
     def steps(self, kind: str, method: Method, **options: float) -> Iterator[Array]:
-        """Yield the estimation errors (S, n) of each parameter after a step of this parameter.
+        """Yield the estimation errors of each parameter after a step of this parameter, as (S, n).
 
         The estimation errors are divided by the step size.
         """
@@ -300,26 +313,27 @@ class Measures(Evidence):
             yield (theta - after) / abs(after[0] - before)
 
     def lags(self, method: str, **options: float) -> Array:
-        """Return the mean lag (p,) of each parameter estimate after a step [s]."""
+        """Return the mean lag of each parameter estimate after a step of the parameter [s]."""
         errors = self.steps("", method, **options)
         return np.array([lag(error[:, :WINDOW].T, self.period).mean() for error in errors])
 
     def lag_ratio(self, prior: float, base: float) -> Array:
-        """Return the lags (p,) for a reset of P to `prior` divided by the lags for `base`.
+        """Return the ratio of the estimation lags for two resets of P at the fault onset.
 
-        A value of 0 for `prior` or `base` means that P is not reset.
+        The lags after a reset to `prior` are divided by the lags after a reset to `base`. If
+        `prior` or `base` is 0, P is not reset.
         """
         return self.lags("forgetting", prior=prior) / self.lags("forgetting", prior=base)
 
     def prices(self) -> ByName:
-        """Return the lag with μ = 1 divided by the lag with μ = 0, keyed by method.
+        """Return the lag with regularisation (μ = 1) divided by the lag without it (μ = 0).
 
-        For each method, the largest lag ratio of all parameters is returned.
+        The result contains the largest lag ratio of all parameters, keyed by method.
         """
         return {method: np.max(self.lags(method, mu=1.0) / self.lags(method)) for method in METHODS}
 
     def t63_over(self, *targets: float) -> Array:
-        """Return the settling times (p,) after a small step, divided by the desired time constants.
+        """Return the settling times after a small step, divided by the desired time constants.
 
         The matrix Δ is designed for the desired time constants `targets` [s]. After the settling
         time, the error is below 37 % of the step size.
@@ -327,11 +341,11 @@ class Measures(Evidence):
         return self.settled(self.steps("small ", targets), 0.37) / targets
 
     def slow_t63(self) -> Array:
-        """Return the worst ratios (p,) of `t63_over` for the designs in `SLOW`."""
+        """Return the worst ratio of settling time to desired time constant for slow designs."""
         return worst([self.t63_over(*targets) for targets in SLOW])
 
     def slow_std(self) -> Array:
-        """Return the mean ratios (p,) of measured to predicted standard deviation for `SLOW`."""
+        """Return the mean ratio of measured to predicted standard deviation for slow designs."""
         return np.mean(
             [
                 std(self.filtered("calm", targets)) / self.claimed(self.steady_P(targets))

@@ -13,7 +13,7 @@ from flexaxis.experiments.running.progress import LINE, progress
 
 
 def reproduce(folder: Path) -> tuple[list[dict[str, Any]], Path]:
-    """Check all claims, and write the figures, a web page and claims.json to a folder.
+    """Check all claims of the paper, and write figures, a web page and claims.json to a folder.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ def reproduce(folder: Path) -> tuple[list[dict[str, Any]], Path]:
 
 
 def render(e: Measures, claims: Sequence[Mapping[str, Any]]) -> str:
-    """Return the HTML text of the web page with equations, figures and claims."""
+    """Return the HTML text of a web page with the equations, figures and claims of the paper."""
     return page.render(
         "paper/templates/paper.html",
         looks={},

@@ -38,7 +38,7 @@ from flexaxis.sim.scenario import Scenario, scenario_from
 def working(
     folder: str | Path | None = None, *, dask: str | None = None, **options: Any
 ) -> Iterator[Runner]:
-    """Yield a runner that runs estimators on this computer or on a Dask cluster."""
+    """Yield a `Runner`, which runs estimators on this computer or on a Dask cluster."""
     with ExitStack() as stack:
         kept = default_cache()
         stack.enter_context(keep_nominal_runs(kept))
@@ -61,9 +61,9 @@ def benchmark(
     suite : Suite
         Suite from `select`.
     estimators : sequence of str
-        Estimators to run instead of the estimators of the suite. If the sequence is empty, the
-        estimators of the suite run. A scenario is omitted if one of the given estimators cannot run
-        on this scenario.
+        Estimators that replace the estimators of the suite. If the sequence is empty, the function
+        runs the estimators of the suite. The function omits each scenario on which one of the given
+        estimators cannot run.
     seeds : sequence of int
         Seeds of the records.
     runner : Runner
@@ -89,16 +89,16 @@ def run(
     *,
     swept: tuple[Sequence[Scenario], Sequence[str]] = ((), ()),
 ) -> Results:
-    """Complete a study; write the summary and report if the study is not split into shards.
+    """Run a study; if the study is not split into shards, also write the summary and the report.
 
     Parameters
     ----------
     study : Study
-        Study to run. A study without swept values is a benchmark.
+        Study to run. A study that sweeps no values is a benchmark.
     runner : Runner
         Runner for the cases.
     swept : (sequence of Scenario, sequence of str)
-        Scenarios and estimators for the comparison at equal noise in the benchmark report.
+        Scenarios and estimators for the benchmark comparison at equal noise of the estimates.
 
     Raises
     ------
@@ -123,7 +123,7 @@ def merge(shards: Sequence[Path], folder: Path, **options: Any) -> None:
     folder : Path
         Folder for the merged results.
     **options
-        Options of the `Runner` for the comparison of estimators at equal noise.
+        Options of the `Runner` that compares the estimators at equal noise of the estimates.
     """
     with Runner(folder, **options) as runner:
         for shard in shards:
@@ -134,7 +134,7 @@ def merge(shards: Sequence[Path], folder: Path, **options: Any) -> None:
 
 
 def finish(results: Results, runner: Runner) -> None:
-    """Write the report; for a benchmark, also write summary.json with pooled scores."""
+    """Write the report of a study; for a benchmark, also write summary.json with pooled scores."""
     assert results.folder is not None
     if not results.axes:
         study = results.study
@@ -156,7 +156,7 @@ def finish(results: Results, runner: Runner) -> None:
 
 
 def write_report(results: Results, path: Path) -> None:
-    """Write the report of a study, or write the report of a benchmark from its summary.json."""
+    """Write the report of a study; the report of a benchmark also uses its summary.json."""
     html = (study_report.render(results) if results.axes
             else run_report.render(results, summary_of(results.folder or Path())))  # fmt: skip
     write_text(path, html)
@@ -170,7 +170,7 @@ def _describe(text: str) -> str:
 def swept(
     scenarios: Sequence[Scenario], estimators: Sequence[str], seeds: Sequence[int], runner: Runner
 ) -> dict[str, Any]:
-    """Compute the data for the figure of lag over noise, and the lags of estimators at equal noise.
+    """Compute the curves of lag over noise, and the lags of all estimators at equal noise.
 
     Parameters
     ----------
@@ -178,7 +178,7 @@ def swept(
         Scenarios with faults.
     estimators : sequence of str
         Estimators to compare. The function adds the reference estimator to the comparison. The
-        function omits an estimator that fails for any setting in the first sweep.
+        function omits an estimator if it fails for any tuning parameter value in the first sweep.
     seeds : sequence of int
         Seeds of the records.
     runner : Runner
@@ -200,15 +200,15 @@ def swept(
 
 
 def plan(path: Path) -> dict[str, Any]:
-    """Return the size of a study, and estimate its computing time from a run with one seed.
+    """Return the number of runs in a study, and estimate its computing time from a test run.
 
     Returns
     -------
     dict
         The list ``variants`` contains one dict for each scenario and each combination of swept
-        values. The number ``cases`` is the number of runs. The number ``seconds`` is the estimated
-        computing time on one core [s], based on registered estimators. The number ``megabytes`` is
-        the size of the results [MB].
+        values. The entry ``cases`` is the number of estimator runs in the study. The entry
+        ``seconds`` is the estimated computing time on one core [s], measured with registered
+        estimators. The entry ``megabytes`` is the expected size of the results [MB].
     """
     study = load_study(path)
     first = units(study)[0]

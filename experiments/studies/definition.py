@@ -26,7 +26,7 @@ MOST = 100_000  # largest number of seeds
 
 
 def seed_of(seed: Any) -> int:
-    """Return the seed, or raise an error if the seed is not an integer from 0 to 2^63 − 1."""
+    """Return the seed if it is an integer from 0 to 2^63 − 1; otherwise raise an error."""
     if not isinstance(seed, int | np.integer) or not 0 <= seed < 2**63:
         raise FlexaxisError(f"seed {seed!s:.40}: a seed must be an integer from 0 to 2^63 - 1")
     return int(seed)
@@ -38,7 +38,7 @@ def seeds_of(seeds: Any, default: int = 8) -> tuple[int, ...]:
     Raises
     ------
     FlexaxisError
-        If `seeds` is not a number, a range or a list, or if there are too many seeds.
+        If the seeds are not given as a number, a range or a list, or if there are too many seeds.
 
     Examples
     --------
@@ -62,7 +62,7 @@ def seeds_of(seeds: Any, default: int = 8) -> tuple[int, ...]:
 
 
 def texts_of(estimators: Any) -> tuple[str, ...]:
-    """Return the texts that specify estimators; the text of a class contains its name."""
+    """Return the specifications of all given estimators; a class is specified by its name."""
     one = isinstance(estimators, str) or callable(estimators)
     return tuple(dict.fromkeys(map(specs.text_of, [estimators] if one else estimators)))
 
@@ -72,7 +72,7 @@ def _one_or_more(value: Any) -> Any:
 
 
 def _flat(value: Any) -> Any:
-    """Flatten nested tables to dotted keys; TOML reads an unquoted a.b as a nested table."""
+    """Convert nested tables to dotted keys; TOML reads an unquoted a.b as a nested table."""
     if not isinstance(value, Mapping):
         return value
     result: dict[str, Any] = {}
@@ -85,7 +85,7 @@ def _flat(value: Any) -> Any:
 
 
 def _estimator(text: str) -> str:
-    """Check the text that specifies an estimator, without importing any user code."""
+    """Check the specification of an estimator without importing any user code."""
     specs.written_options(text) if names_code(text) else specs.parse(text)
     return text
 
@@ -118,7 +118,7 @@ class StudyFile(Config):
 
 
 BLANK = {"scenario": (), "estimators": (), "seeds": 1}
-"""Values that replace missing or invalid values during the check of all other keys."""
+"""Placeholders for missing or invalid values of a study file while all other keys are checked."""
 
 
 def load_study(path: str | Path) -> Study:
@@ -129,8 +129,8 @@ def load_study(path: str | Path) -> Study:
     Raises
     ------
     StudyError
-        If the study file is invalid. The message contains one line for each problem, with file and
-        key.
+        If the study file is invalid. The error message contains one line for each problem, with the
+        file and the key.
     """
     path = Path(path)
     content = {"name": path.stem} | read_toml(path, StudyError)
@@ -149,12 +149,13 @@ def study_from(
     source : str
         Name of the study in error messages.
     folder : Path
-        Folder that is searched for scenario files before the current folder.
+        Folder in which the function searches for scenario files before it searches the current
+        folder.
 
     Raises
     ------
     StudyError
-        If a key or value is invalid. The message contains one line for each problem.
+        If a key or value is invalid. The error message contains one line for each problem.
     """
     problems: list[tuple[object, str]] = []
     try:

@@ -1,9 +1,10 @@
 """Implement, in one compiled callback, the friction laws that MuJoCo does not provide.
 
-A process can have only one MuJoCo callback for passive forces. MuJoCo calls this function whenever
-it computes the passive forces. The callback in this module searches the custom numbers of the model
-for rows of friction parameters (see `sim/tables/friction.py`). Each run of a batch has its own
-friction parameters. The callback does not affect models without friction parameters.
+A process can have only one MuJoCo callback for passive forces. MuJoCo calls this callback whenever
+it computes the passive forces. The callback in this module searches the custom numeric fields of a
+MuJoCo model for rows of friction parameters (see `sim/tables/friction.py`). Each run of a batch has
+its own friction parameters. Models without rows of friction parameters are not affected by the
+callback.
 """
 
 from __future__ import annotations
@@ -46,11 +47,11 @@ def install() -> None:
 
 @cache
 def _layout() -> tuple[int, ...]:
-    """Return the offsets of all fields that the callback reads or writes, in units of 8 bytes.
+    """Return the memory offsets of all MuJoCo fields that the callback uses [8 bytes].
 
-    The callback uses three fields of the model: the number of custom numbers, their address, and
-    the transmission ratio of the first actuator. The callback uses four fields of the simulation
-    data: speeds, spring torques, passive torques and torque commands.
+    The callback reads three fields of the MuJoCo model: the number of custom numbers, their
+    address, and the transmission ratio of the first actuator. The callback also uses four fields of
+    the simulation data: speeds, spring torques, passive torques and torque commands.
     """
     spec = mujoco.MjSpec()
     spec.worldbody.add_body(mass=1.0, inertia=[1.0, 1.0, 1.0]).add_joint(name="motor")
@@ -65,7 +66,7 @@ def _layout() -> tuple[int, ...]:
 
 
 def _find(structure: Any, value: int) -> int:
-    """Return the index of the first 8-byte word in an engine structure that is equal to `value`."""
+    """Return the index of the first 8-byte word in a MuJoCo structure that is equal to `value`."""
     words = (ctypes.c_int64 * (_SEARCHED // 8)).from_address(structure._address)
     for i in range(len(words)):
         if words[i] == value:
@@ -73,7 +74,7 @@ def _find(structure: Any, value: int) -> int:
     raise SimulationError(
         f"friction laws do not work with MuJoCo {mujoco.__version__}, because the memory layout of "
         "this version is unknown; install mujoco 4.0",
-        run=0, time=0.0, reason="the memory layout of the engine is unknown",
+        run=0, time=0.0, reason="the memory layout of MuJoCo is unknown",
     )  # fmt: skip
 
 
@@ -111,7 +112,7 @@ def _compiled() -> Any:
 
 
 def _any_of(laws: list[Any], code: int = 0) -> Callable[..., float]:
-    """Return a function that computes the friction torque, given a row of friction parameters."""
+    """Combine friction laws in one function, which selects the law from a row of parameters."""
     # `register_jitable` instead of `njit`, because NUMBA_DISABLE_JIT turns `njit` off
     from numba.extending import register_jitable
 

@@ -34,7 +34,7 @@ class Truth:
     angles : ndarray (N, R, n)
         True angles of the n masses [rad].
     limited : ndarray (R,)
-        Number of samples in each run at which an estimate for the feed-forward was limited.
+        Number of samples in each run at which the feed-forward limited a parameter estimate.
     """
 
     torque: Array
@@ -59,11 +59,12 @@ def closed_loop(
     reference : ndarray (N, R)
         Desired motor angle [rad].
     white : callable
-        Function that returns white noise (N, R) with standard deviation 1 for a purpose such as
-        "noise.speed". The simulation adds noise to the torque and to the sensor signals.
+        Function that takes the purpose of the noise, such as "noise.speed", and returns white noise
+        (N, R) with standard deviation 1. The simulation adds noise to the torque and to the sensor
+        signals.
     followers : sequence of Follower or None
         Estimator of each run, which is used only if the controller has a feed-forward. By default,
-        no run has an estimator.
+        no run has an estimator in the control loop.
 
     Raises
     ------
@@ -100,7 +101,7 @@ def closed_loop(
 
 
 class Changes:
-    """Parameter changes of the plant during several runs, each of which has its own scenario."""
+    """Parameter changes of the plant in several runs, each of which has its own scenario."""
 
     def __init__(self, scenarios: Sequence[Scenario]) -> None:
         known = {s.hash: s.true_parameters() for s in scenarios}
@@ -122,7 +123,7 @@ class Changes:
 
 
 def _changing(values: Array) -> set[int]:
-    """Return the indices of all samples at which at least one of the values (N, …) changes."""
+    """Return the indices of all samples at which at least one of the values changes."""
     return {int(k) for k in np.flatnonzero(np.diff(values, axis=0).any(axis=(1, 2))) + 1}
 
 
@@ -176,8 +177,8 @@ class _Drive:
     def advance(self, target: Array, next_target: Array, angle: Array) -> Array:
         """Simulate one sample, and return the logged torque (R,) [N m].
 
-        The argument `angle` (R,) [rad] is the motor angle that the controller reads at the start of
-        the sample.
+        The argument `angle` (R,) is the motor angle that the controller reads at the start of the
+        sample [rad].
         """
         commands = []
         for tick in range(self._ticks):

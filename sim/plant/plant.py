@@ -48,8 +48,8 @@ def quiet() -> Iterator[None]:
 class Plant:
     """Several axes that are simulated in parallel, with a constant torque during each sample.
 
-    All axes start at rest at angle zero. The results of an axis are bitwise the same for any number
-    of axes.
+    All axes start at rest at angle zero. The simulated signals of an axis are bitwise the same for
+    any number of parallel axes.
 
     Parameters
     ----------
@@ -70,8 +70,8 @@ class Plant:
         Current angles and speeds of the n masses [rad, rad/s]. Both arrays are views of the
         engine's state, so each call of `step` changes their values.
     angle_m, speed_m : ndarray (R,)
-        Current angle and speed of the motor [rad, rad/s]. Each array is a view of the motor's
-        column in `angles` or `speeds`.
+        Current angle and speed of the motor [rad, rad/s]. The arrays are views of the motor's
+        columns in `angles` and `speeds`.
 
     Raises
     ------
@@ -110,13 +110,14 @@ class Plant:
     def set_parameters(self, parameters: Sequence[AxisParameters] | Array) -> None:
         """Change the axis parameters without changing the current angles and speeds.
 
-        If the inertia of a body changes, the body keeps its speed and its momentum changes.
-        Physically, the axis picks up or drops a load that moves at the same speed.
+        If the inertia of a body changes, the body keeps its speed, so its momentum changes. This
+        change corresponds to an axis that picks up or drops a load moving at the same speed.
 
         Parameters
         ----------
         parameters : sequence of AxisParameters, or ndarray (R, P)
-            New parameter values of each run. Only changed values are written to the physics engine.
+            New parameter values of each run. Only changed parameter values are written to the
+            physics engine.
 
         Raises
         ------
@@ -175,7 +176,7 @@ class Plant:
             self._fail()
 
     def _fail(self) -> None:
-        """Raise a SimulationError that describes the first failed run of the batch."""
+        """Raise a SimulationError with the cause and time of the first failed run in the batch."""
         counts = self._batch.warning[:, :, 1]
         bad = counts.any(axis=1) | ~np.isfinite(self._batch.state).all(axis=1)
         run = int(np.flatnonzero(bad)[0])
@@ -201,7 +202,7 @@ def _compile(model: str, timestep: float, nonlinear: Sequence[Nonlinearity]) -> 
 
 
 def _parameter_places(batch: Any, names: Sequence[str]) -> Iterator[Array]:
-    """Yield the engine's array (R, ...) of values for each parameter in `names`.
+    """Yield the MuJoCo array with the values of each parameter in `names`, with one row per run.
 
     The inertias must be in the order of the bodies, and the stiffnesses in the order of the
     tendons.
@@ -218,7 +219,7 @@ def _parameter_places(batch: Any, names: Sequence[str]) -> Iterator[Array]:
 
 
 def _place(batch: Any, model: Any, place: Place) -> Array:
-    """Return the engine's array (R, ...) that contains the number at the location `place`."""
+    """Return the MuJoCo array with the numbers at a location in the model, with one row per run."""
     values: Array = batch.expand(place.field)
     match place.field:
         case "numeric_data":  # this field contains all custom numbers, concatenated
@@ -229,7 +230,7 @@ def _place(batch: Any, model: Any, place: Place) -> Array:
 
 
 class _LawInEngine:
-    """Parameter values of a nonlinear effect, and the locations of these values in the engine."""
+    """Parameter values of a nonlinear effect, and the locations of these values in MuJoCo."""
 
     def __init__(self, batch: Any, model: Any, law: Nonlinearity) -> None:
         self.values: dict[str, float | Array] = dict(law.law)

@@ -30,7 +30,7 @@ class Frozen(dict[str, float]):
 
 Values = Annotated[dict[str, float], AfterValidator(Frozen)]
 LARGEST = 1e9
-"""Largest allowed value of a scenario key in SI units; a larger value probably has a wrong unit."""
+"""Upper limit of scenario values in SI units; a larger value is probably in a wrong unit."""
 
 Word = Annotated[str, Field(pattern=r"^[^\s/\\\p{Cc}\p{Cf}]+$")]
 """Type of a name without blanks, slashes and control characters, which can be a file name."""
@@ -40,6 +40,6 @@ NotNegative = Annotated[float, Field(ge=0, le=LARGEST)]
 
 
 def kinds(union: Any) -> dict[str, type[BaseModel]]:
-    """Return the table classes in a union type such as ``Fault``, keyed by their ``kind``."""
+    """Return the table classes in a union type such as ``Fault``, keyed by ``kind``."""
     tables = get_args(get_args(union)[0])
     return {table.model_fields["kind"].default: table for table in tables}

@@ -26,17 +26,19 @@ class ControllerConfig(Config):
     Ki : float
         Integral gain [1/s].
     tau : float
-        Time constant of the low-pass filter of the speed error [s]; 0 means no filter.
+        Time constant of the low-pass filter for the speed error [s]. If `tau` is 0, the speed error
+        is not filtered.
     rate : {1000}, optional
-        Rate of an inner control loop [Hz]. By default, there is no inner loop and the controller
-        runs at the sampling rate. An inner control loop interpolates the reference linearly between
-        samples.
+        Sampling rate of an inner control loop [Hz]. By default, there is no inner loop, and the
+        controller runs at the sampling rate of the scenario. An inner control loop interpolates the
+        reference linearly between samples.
     log : {"mean", "sample"}, optional
-        Logged torque of an inner control loop: the mean torque command during each sample
-        (default), or the torque command at the start of each sample.
+        Torque that is logged if there is an inner control loop. If `log` is "mean" (default), the
+        logged torque is the mean command during each sample. If `log` is "sample", the logged
+        torque is the command at the start of each sample.
     adapt : AdaptConfig, optional
-        Settings of the feed-forward. If a run has an estimator, the feed-forward uses the estimated
-        parameters.
+        Settings of the feed-forward. If an estimator runs in the control loop, the feed-forward
+        uses the estimated parameters.
     """
 
     Kp: NotNegative = 4.0
@@ -57,7 +59,7 @@ class ControllerConfig(Config):
     @classmethod
     def _of_an_inner_loop(cls, log: str | None, info: ValidationInfo) -> str | None:
         if log is not None and info.data.get("rate") is None:
-            raise ValueError("the key needs an inner control loop: set controller.rate = 1000")
+            raise ValueError("`log` needs an inner control loop: set controller.rate = 1000")
         return log
 
     @property
@@ -66,7 +68,7 @@ class ControllerConfig(Config):
         return self.rate is None
 
     def logged(self, commands: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
-        """Return the logged torque (R,) [N m], given all commands (R,) during a sample [N m]."""
+        """Return the logged torque [N m] (R,), given all torque commands during a sample [N m]."""
         inner = self.rate is not None and self.log != "sample"
         return np.asarray(np.mean(commands, axis=0)) if inner else commands[0]
 
@@ -119,7 +121,7 @@ class Controller:
     def torque(
         self, reference: NDArray[np.float64], angle: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """Return the torque command (R,) [N m] of a sample, and update the controller state.
+        """Return the torque command of each run [N m], and update the controller state.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""Compute the parameter changes during a run, and draw the random values of a scenario."""
+"""Compute the parameter changes during a run, and draw random onsets and parameter errors."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ class Event:
     index : int
         Index of the first sample with a changed value.
     before, after : float
-        Parameter values before the change and after the complete change. The value `after` ignores
-        other changes of the same parameter that are in progress (see `find_events`).
+        Parameter values before the change and after the complete change. The value `after` does not
+        include other changes of the same parameter that are in progress (see `find_events`).
     """
 
     parameter: str
@@ -43,10 +43,10 @@ class Event:
 
 
 def changed(nominal: float, name: str, changes: Iterable[Fault], grid: Grid) -> Array:
-    """Return the value (N,) of a parameter at each sample.
+    """Return the value of a parameter at each sample, as an array (N,).
 
-    Each parameter value is the nominal value times the factors of all changes of the parameter
-    `name`. Changes of other parameters do not affect the value.
+    The value is the product of the nominal value and the factors of all changes in `changes` that
+    affect the parameter `name`. The function ignores changes of other parameters.
     """
     factors = (change.factor_at(grid) for change in changes if meant(change.parameter) == name)
     return math.prod(factors, start=np.full(len(grid.k), nominal))
@@ -61,17 +61,18 @@ def find_events(
     """Return the parameter changes that faults cause, in order of time.
 
     An event combines all faults of one parameter that begin at the same sample. The value `before`
-    of an event is the true parameter value at the previous sample. The value `after` is the
-    parameter value when all faults of the event are complete. All other changes of the parameter
-    keep their factor from the previous sample. Therefore the ratio after/before is the factor of
-    the fault, even if another change of the parameter is in progress.
+    of an event is the true parameter value at the sample before the onset. The value `after` is the
+    parameter value that results when all faults of the event are complete. For the value `after`,
+    all other changes of the parameter keep the factor that they have at the sample before the
+    onset. Therefore the ratio after/before is the factor of the fault, even if another change of
+    the parameter is in progress.
 
     Parameters
     ----------
     faults : sequence of Fault
         Faults that are scored.
     nuisances : sequence of Fault
-        Other changes of the true parameters, which do not count as faults.
+        Other changes of the true parameters, which are not regarded as faults.
     grid : Grid
         Samples of the run.
     nominal : mapping of str to float
@@ -115,11 +116,12 @@ def drawn(scenario: Scenario, seed: int) -> Scenario:
 
 
 def _known(scenario: Scenario, seed: int) -> dict[str, float]:
-    """Return the table `known` of a scenario for one seed, with a random error for each parameter.
+    """Return the table `known` of a scenario for one seed, including random parameter errors.
 
     The assumed value of every parameter that is not estimated is multiplied by an independent
     random factor exp(spread z), where z is a standard normal variable. The random factors do not
-    change the plant. The gear ratio has no random factor, because estimators know it exactly.
+    change the parameters of the simulated plant. The gear ratio has no random factor, because
+    estimators know it exactly.
     """
     exact = {"r", *DATA_SHEET, *(name.removeprefix("1/") for name in scenario.identify)}
     known = dict.fromkeys(sorted(scenario.nominal.keys() - exact), 1.0) | scenario.known_factors
@@ -135,13 +137,13 @@ def first_onset(scenario: Scenario) -> int:
 
 
 def _moved(scenario: Scenario, seed: int) -> dict[str, Any]:
-    """Draw a random time shift, and return the new times of faults and pauses by dotted key.
+    """Draw a random time shift, and return the new times of faults and pauses, keyed by dotted key.
 
     All faults and pauses are shifted by the same time, so the intervals between faults and pauses
     do not change. Nuisances are not shifted. The time shift is uniformly distributed from
     -`onset_spread` to +`onset_spread`, in steps of one sample. If the reference moves at the
-    nominal onset of the first fault, the reference also moves at the shifted onset. If the
-    reference rests at the nominal onset, the reference also rests at the shifted onset.
+    nominal onset of the first fault, it also moves at the shifted onset. If the reference rests at
+    the nominal onset, it also rests at the shifted onset.
 
     Parameters
     ----------

@@ -66,20 +66,20 @@ class Multisine(Config):
         return self
 
     def _lines(self) -> range:
-        """Return the indices of the DFT lines from `low` to `high`, excluding line 0 (the mean)."""
+        """Return the indices of the DFT lines from `low` to `high`, except line 0 (the mean)."""
         slack = 1e-9  # tolerance for rounding: 0.1 Hz at 10 s is line 1
         first = max(1, int(np.ceil(self.low * self.period - slack)))
         return range(first, int(np.floor(self.high * self.period + slack)) + 1)
 
     def sampling_problems(self, period: float) -> Iterator[tuple[str, str]]:
-        """Yield the name and a message for each key that conflicts with the sampling period [s]."""
+        """Yield each key that conflicts with the sampling period, and an error message."""
         if self.high * period >= 0.5:
             yield "high", f"the frequency must be below half the sampling rate, {0.5 / period:g} Hz"
         if abs(self.period / period - sample_index(self.period, period)) > 1e-6:
             yield "period", f"the period must be a multiple of a sample, {1000 * period:g} ms"
 
     def one_period(self, rng: np.random.Generator, period: float) -> Array:
-        """Return one period of a multisine with random phases [rad], sampled every `period` s."""
+        """Return one period of the multisine [rad], sampled every `period` seconds."""
         lines, samples = self._lines(), sample_index(self.period, period)
         spectrum = np.zeros(samples // 2 + 1, dtype=complex)
         spectrum[lines] = np.exp(2j * np.pi * rng.random(len(lines)))
@@ -87,13 +87,13 @@ class Multisine(Config):
         return signal * (self.rms / np.sqrt(np.mean(signal**2)))
 
     def reference(self, grid: Grid, rng: np.random.Generator) -> Array:
-        """Return the reference (N,) [rad], which is 0 during a pause at the start of the run."""
+        """Return the reference at each sample [rad]; a pause at the start of a run is at zero."""
         signal = self.one_period(rng, grid.period)
         clock = np.cumsum(self.excited(grid)) - 1
         return np.where(clock < 0, 0.0, signal[clock % signal.size])
 
     def excited(self, grid: Grid) -> NDArray[np.bool_]:
-        """Return a boolean array (N,) that is True at each sample with a moving reference."""
+        """Return whether the reference moves at each sample, as a boolean array (N,)."""
         moves = np.ones(grid.k.size, dtype=bool)
         for begin, end in self.pause:
             moves &= (grid.k < grid.index(begin)) | (grid.k >= grid.index(end))
@@ -125,7 +125,7 @@ class Moves(Config):
     dwell: NotNegative = 0.2
 
     def reference(self, grid: Grid, rng: np.random.Generator) -> Array:
-        """Return the reference (N,) [rad]; the random generator `rng` draws the target angles."""
+        """Return the reference at each sample [rad], with random target angles from `rng`."""
         cycle, done = self._clock(grid)
         drawn = rng.uniform(-self.reach, self.reach, int(cycle.max()) + 1)
         targets = np.concatenate([[0.0], drawn])
@@ -133,7 +133,7 @@ class Moves(Config):
         return (1 - part) * targets[cycle] + part * targets[cycle + 1]
 
     def excited(self, grid: Grid) -> NDArray[np.bool_]:
-        """Return a boolean array (N,) that is True at each sample with a moving reference."""
+        """Return whether the reference moves at each sample, as a boolean array (N,)."""
         return self._clock(grid)[1] < 1
 
     def in_words(self) -> str:
@@ -141,23 +141,23 @@ class Moves(Config):
         return f"moves of {self.move:g} s within {self.reach:g} rad, with rests of {self.dwell:g} s"
 
     def _clock(self, grid: Grid) -> tuple[NDArray[np.int64], Array]:
-        """Return the index (N,) and completed fraction (N,) of the current move at each sample."""
+        """Return the index of the current move and its completed fraction, at each sample."""
         length = grid.index(self.move)
         cycle, since = np.divmod(grid.k, length + grid.index(self.dwell))
         return cycle, np.minimum(since / length, 1.0)
 
 
 class Standstill(Config):
-    """A constant reference of zero, with which the axis remains at its initial position."""
+    """A reference that is always zero, so that the axis remains at its initial position."""
 
     kind: Literal["standstill"] = "standstill"
 
     def reference(self, grid: Grid, rng: np.random.Generator) -> Array:
-        """Return the reference (N,) [rad], which is zero at all samples."""
+        """Return the reference [rad], which is zero at all samples."""
         return np.zeros(len(grid.k))
 
     def excited(self, grid: Grid) -> NDArray[np.bool_]:
-        """Return a boolean array (N,) that is False, because the reference never moves."""
+        """Return False for each sample, because the reference never moves."""
         return np.zeros(len(grid.k), dtype=bool)
 
     def in_words(self) -> str:

@@ -20,14 +20,14 @@ Array = NDArray[np.float64]
 def changeable(names: Iterable[str]) -> tuple[str, ...]:
     """Return the names of the parameters that can change during a run.
 
-    All parameters in `names` except the gear ratio r can change. All nonlinear parameters can also
-    change.
+    These parameters are all axis parameters in `names` except the gear ratio r, and all nonlinear
+    parameters.
     """
     return (*(name for name in names if name != "r"), *LAW_NAMES)
 
 
 Parameter = str
-"""Type of a parameter name; `Scenario` checks that the parameter is `changeable`."""
+"""Type of the name of a fault parameter; `Scenario` checks that the parameter can change."""
 
 # A number above 100 is likely a percentage or a parameter value, and not a factor.
 Factor = Annotated[float, Field(ge=0, le=100)]
@@ -36,13 +36,13 @@ Point = Annotated[
     Field(strict=False),  # arrays in TOML become tuples
 ]
 A_SAMPLE = "a sample at least"
-"""Annotation of times that must not be shorter than one sample, because times are rounded."""
+"""Annotation of times that must be at least one sample, because times are rounded to samples."""
 
 Span = Annotated[Positive, A_SAMPLE]
 
 
 def _change(fault: Fault, share: float = 1.0) -> str:
-    """Return the parameter name and the size of a change, such as "f_m +50 %"."""
+    """Return the name of a changed parameter and the size of its change, such as "f_m +50 %"."""
     factor = 1.0 + share * (fault.factor - 1.0)
     much = f"{factor:g}-fold" if factor >= 3 else f"{100 * factor - 100:+.3g} %"
     return f"{fault.parameter} {much}"
@@ -68,11 +68,11 @@ class Step(Config):
     factor: Factor
 
     def factor_at(self, grid: Grid) -> Array:
-        """Return the factor (N,) that multiplies the parameter at each sample."""
+        """Return the factor that multiplies the parameter at each sample, as an array (N,)."""
         return np.where(grid.k >= grid.index(self.at), self.factor, 1.0)
 
     def onsets(self, grid: Grid) -> list[tuple[int, int]]:
-        """Return the first changed sample and the first settled sample of each change."""
+        """Return the indices of the first changed and the first settled sample of each change."""
         return [(grid.index(self.at), grid.index(self.at))]
 
     def in_words(self) -> str:
@@ -103,13 +103,13 @@ class Ramp(Config):
     factor: Factor
 
     def factor_at(self, grid: Grid) -> Array:
-        """Return the factor (N,) at each sample, averaged over the duration of the sample."""
+        """Return the parameter factor for each sample, averaged over the duration of the sample."""
         k = grid.k - grid.index(self.at)
         done = np.where(k < 0, 0.0, np.minimum((k + 0.5) / grid.index(self.over), 1.0))
         return 1.0 + done * (self.factor - 1.0)
 
     def onsets(self, grid: Grid) -> list[tuple[int, int]]:
-        """Return the first changed sample and the first settled sample of each change."""
+        """Return the indices of the first changed and the first settled sample of each change."""
         first = grid.index(self.at)
         return [(first, first + grid.index(self.over))]
 
@@ -141,14 +141,14 @@ class Thermal(Config):
     factor: Factor
 
     def factor_at(self, grid: Grid) -> Array:
-        """Return the mean factor (N,) of the parameter during each sample."""
+        """Return the parameter factor for each sample, averaged over the duration of the sample."""
         k = np.maximum(grid.k - grid.index(self.at), -1)
         decay = np.exp(-grid.period / self.time_constant)
         left = decay**k * (1 - decay) * self.time_constant / grid.period
         return 1.0 + np.where(k < 0, 0.0, 1.0 - left) * (self.factor - 1.0)
 
     def onsets(self, grid: Grid) -> list[tuple[int, int]]:
-        """Return the first changed sample and the first settled sample of each change."""
+        """Return the indices of the first changed and the first settled sample of each change."""
         first = grid.index(self.at)
         return [(first, first + grid.index(40 * self.time_constant))]  # e⁻⁴⁰ is round-off
 
@@ -167,12 +167,12 @@ class Intermittent(Config):
     at : float
         Time at which the fault first occurs [s], rounded to a sample.
     on, off : float
-        Durations of the intervals with the fault and of the intervals without the fault [s],
-        rounded to samples.
+        Durations of the intervals with and without the fault [s], rounded to samples.
     factor : float
         Ratio of the parameter value during the fault to the value without the fault.
     until : float, optional
-        Time after which the fault does not occur again [s]; by default the end of the run.
+        Time at which the fault finally disappears [s]. By default, the fault recurs until the end
+        of the run.
     """
 
     kind: Literal["intermittent"] = "intermittent"
@@ -184,11 +184,11 @@ class Intermittent(Config):
     until: Positive | None = None
 
     def factor_at(self, grid: Grid) -> Array:
-        """Return the factor (N,) that multiplies the parameter at each sample."""
+        """Return the factor that multiplies the parameter at each sample, as an array (N,)."""
         return np.where(self._faulty(grid, grid.k), self.factor, 1.0)
 
     def onsets(self, grid: Grid) -> list[tuple[int, int]]:
-        """Return the first changed sample and the first settled sample of each jump in `grid`."""
+        """Return the indices of the first changed and the first settled sample of each jump."""
         switched = self._faulty(grid, grid.k) != self._faulty(grid, grid.k - 1)
         return [(int(index), int(index)) for index in grid.k[switched]]
 
@@ -214,9 +214,10 @@ class Profile(Config):
         Onset time of the fault [s], rounded to a sample. At the onset sample, the parameter still
         has its old value.
     points : tuple of (float, float)
-        Corners of the profile. Each corner is a time since the onset [s] and the completed fraction
-        of the change (0 to 1). The corner times are rounded to samples, and two corner times must
-        differ by at least one sample. After the last corner, the parameter remains constant.
+        Corners of the profile. Each corner consists of a time since the onset [s] and the completed
+        fraction of the change at this time (0 to 1). The corner times are rounded to samples, and
+        successive corner times must differ by at least one sample. After the last corner, the
+        parameter remains constant.
     factor : float
         Ratio of the parameter value after the complete change to the value before the onset.
     """
@@ -235,17 +236,17 @@ class Profile(Config):
             raise ValueError("the array must have at least one entry, not []")
         for before, after in pairwise(times):
             if after <= before:
-                raise ValueError(f"times must increase from point to point; {after:g} s follows "
+                raise ValueError(f"corner times must increase; {after:g} s follows "
                                  f"{before:g} s; for a jump, use the kind step")  # fmt: skip
         return points
 
     def factor_at(self, grid: Grid) -> Array:
-        """Return the factor (N,) at each sample, interpolated linearly between the corners."""
+        """Return the parameter factor for each sample, linearly interpolated between corners."""
         index, share = self._knots(grid)
         return 1.0 + np.interp(grid.k, index, share) * (self.factor - 1.0)
 
     def onsets(self, grid: Grid) -> list[tuple[int, int]]:
-        """Return the first changed sample and the first settled sample of each changing segment."""
+        """Return the indices of the first changed and the first settled sample of each segment."""
         index, share = self._knots(grid)
         lines = zip(pairwise(index), pairwise(share), strict=True)
         return [(first + 1, last) for (first, last), (old, new) in lines

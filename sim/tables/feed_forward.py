@@ -14,15 +14,15 @@ from flexaxis.sim.tables.config import Config, Positive
 Array = NDArray[np.float64]
 
 USED = ("k_T", "f_m", "f_c", "r")
-"""Names of the parameters that the feed-forward uses, except the names of the inertias."""
+"""Names of the parameters that the feed-forward uses in addition to the inertias."""
 
 
 Follower = Any
 """Type of an estimator in the control loop (see `flexaxis.estimators.protocol`).
 
 An estimator has the attributes `names` and `output`. The method ``step(u, y)`` of an estimator
-takes the torque u[k] and the measurement y[k], and returns the estimates θ[k]. The torque command
-of sample k + 1 is the first command that uses the estimates θ[k].
+takes the torque u[k] and the measurement y[k], and returns the estimates θ[k]. The feed-forward
+uses the estimates θ[k] from the torque command of sample k + 1 onwards.
 """
 
 
@@ -36,14 +36,16 @@ class AdaptConfig(Config):
         speed. The term `inertia` adds the torque for the desired acceleration. The term `torque`
         divides the torque command by the estimated torque constant.
     smooth : float
-        Speed v₀ below which the sign of the desired speed is smoothed [rad/s].
+        Speed v₀ [rad/s]. Below v₀, a smooth function replaces the sign of the desired speed.
     limit : float
-        Factor that limits the estimates of all parameters except the torque constant. The
-        feed-forward limits each estimate to the interval from nominal/limit to limit × nominal. The
-        feed-forward ignores estimates of parameters with a nominal value of 0.
+        Largest allowed ratio of an estimate to its nominal value, or of the nominal value to the
+        estimate, for all parameters except the torque constant. The feed-forward limits estimates
+        to this range. If the nominal value of a parameter is 0, the feed-forward ignores the
+        estimate of the parameter.
     gain : float
-        Factor that limits the estimate of the torque constant. The estimated torque constant scales
-        the loop gain, so `gain` must be smaller than the gain margin.
+        Largest allowed ratio of the estimated to the nominal torque constant, or of the nominal to
+        the estimated torque constant. The estimated torque constant scales the loop gain, so `gain`
+        must be smaller than the gain margin of the control loop.
     """
 
     friction: bool = True
@@ -54,7 +56,7 @@ class AdaptConfig(Config):
     gain: Annotated[float, Field(gt=1, le=10)] = 1.5
 
     def command(self, feedback: Array, motion: tuple[Array, Array], of: Mapping[str, Any]) -> Array:
-        r"""Return the torque command (R,) [N m], which is the sum of feedback and feed-forward.
+        r"""Return the torque command [N m], which is the sum of feedback and feed-forward.
 
         .. math::
 
@@ -64,12 +66,13 @@ class AdaptConfig(Config):
         Parameters
         ----------
         feedback : ndarray (R,)
-            Torque command of the feedback controller for the nominal torque constant k_T0 [N m].
+            Torque command u_fb of the feedback controller for the nominal torque constant k_T0 [N
+            m].
         motion : (ndarray (R,), ndarray (R,))
             Desired speed v [rad/s] and acceleration a [rad/s²].
         of : mapping of str to float or ndarray (R,)
-            Values of the parameters in `USED`, of the inertias (motor first), and of ``"k_T0"``,
-            keyed by parameter name.
+            Values of the parameters in `USED`, the inertias (motor first) and k_T0, keyed by
+            parameter name.
         """
         speed, acceleration = motion
         torque = of["k_T0"] * feedback
@@ -127,13 +130,13 @@ class FeedForward:
         self.limited = np.zeros(runs, int)
 
     def command(self, k: int, feedback: Array) -> Array:
-        """Compute the torque command (R,) [N m] of sample k with the latest estimates."""
+        """Compute the torque command of each run for sample k [N m], with the latest estimates."""
         before, after = self._speed[k], self._speed[k + 1]
         motion = after, (after - before) / self._period
         return self._config.command(feedback, motion, self._values | {"k_T0": self._k_T0})
 
     def learn(self, k: int, torque: Array, angle: Array, speed: Array) -> None:
-        """Pass the torque (R,), angle (R,) and speed (R,) of sample k to the estimators."""
+        """Pass the torque, angle and speed of each run at sample k to its estimator."""
         increment = (angle - self._angle) / self._period if k else np.zeros_like(angle)
         self._angle = angle.copy()
         read = {"speed": speed, "angle": angle, "increment": increment}

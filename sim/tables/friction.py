@@ -23,17 +23,17 @@ MARK: float = struct.unpack("=d", b"flexaxis")[0]
 """First number of each row of friction parameters, which identifies the row in a MuJoCo model."""
 
 WIDTH = 12
-"""Length of a row of friction parameters: mark, index of the friction law, up to ten parameters."""
+"""Length of a row with a mark, the index of a friction law, and up to ten friction parameters."""
 
 Row = Sequence[float]
 
 
 class _CompiledLaw(Nonlinearity):
-    """Friction law that the compiled callback computes from a row of friction parameters."""
+    """Base class of friction laws that the compiled callback computes from a row of parameters."""
 
     substeps: ClassVar[int] = 20  # the speed can change sign within 1 ms; the error is 6e-5
     parameters: ClassVar[tuple[str, ...]]
-    """Keys of the scenario table that are also parameters in a record."""
+    """Keys of the scenario table that a record contains as parameters."""
 
     def build(self, spec: Any) -> None:
         """Add the friction law to a model specification (`MjSpec`) of MuJoCo."""
@@ -47,7 +47,7 @@ class _CompiledLaw(Nonlinearity):
         return {name: getattr(self, name) for name in self.parameters}
 
     def kept(self, law: Mapping[str, Any]) -> dict[Place, Any]:
-        """Return the values of the parameters `law` in the engine, keyed by their location."""
+        """Return the MuJoCo values of the parameters in `law`, keyed by location in MuJoCo."""
         keys, owner = [*type(self).model_fields], type(self).__name__
         at = {name: Place("numeric_data", owner, 2 + keys.index(name)) for name in law}
         return {at[name]: value for name, value in law.items()}
@@ -79,7 +79,7 @@ class FrictionConfig(Nonlinearity):
         return {"f_c": self.coulomb}
 
     def kept(self, law: Mapping[str, Any]) -> dict[Place, Any]:
-        """Return the values of the parameters `law` in the engine, keyed by their location."""
+        """Return the MuJoCo values of the parameters in `law`, keyed by location in MuJoCo."""
         return {Place("dof_frictionloss", "motor"): law["f_c"]}
 
     def in_words(self) -> str:
@@ -144,7 +144,7 @@ class LuGreConfig(Nonlinearity):
         }
 
     def kept(self, law: Mapping[str, Any]) -> dict[Place, Any]:
-        """Return the values of the parameters `law` in the engine, keyed by their location."""
+        """Return the MuJoCo values of the parameters in `law`, keyed by location in MuJoCo."""
         return {
             Place("actuator_biasprm", "lugre", 3): law["f_c"],
             Place("actuator_biasprm", "lugre", 4): law["f_c"] + law["f_s"],
@@ -173,9 +173,10 @@ class StaticFrictionConfig(_CompiledLaw):
     f_s : float
         Additional friction torque F_cs at low speed [N m].
     alpha : float
-        Inverse speed α. The additional friction torque decays above the speed 1/α [s/rad].
+        Inverse speed α [s/rad]. Above the speed 1/α, the additional friction torque decays.
     beta : float
-        Inverse speed β. The friction torque builds up within the speed 1/β [s/rad].
+        Inverse speed β [s/rad]. From standstill to about the speed 1/β, the friction torque builds
+        up.
     """
 
     parameters: ClassVar[tuple[str, ...]] = ("f_c", "f_s", "alpha", "beta")
@@ -186,7 +187,7 @@ class StaticFrictionConfig(_CompiledLaw):
 
     @staticmethod
     def torque(row: Row, speed: float, load: float, motor: float) -> float:
-        """Return the friction torque [N m], which opposes motion and has the sign of `speed`."""
+        """Return the friction torque that opposes the motion [N m], with the sign of `speed`."""
         peak = row[3] / math.cosh(row[4] * speed)
         return (row[2] + peak) * math.tanh(row[5] * speed)
 
@@ -220,7 +221,7 @@ class LoadFrictionConfig(_CompiledLaw):
 
     @staticmethod
     def torque(row: Row, speed: float, load: float, motor: float) -> float:
-        """Return the friction torque [N m], which opposes motion and has the sign of `speed`."""
+        """Return the friction torque that opposes the motion [N m], with the sign of `speed`."""
         return (row[2] + row[3] * abs(load)) * math.tanh(speed / row[4])
 
     def in_words(self) -> str:
@@ -245,17 +246,18 @@ class GearFrictionConfig(_CompiledLaw):
     Attributes
     ----------
     f_c, f_s : float
-        Coulomb torque at high speed, and additional friction torque at low speed [N m]. The values
-        of `f_c` and `f_s` apply to a drive without load.
+        Coulomb torque at high speed, and additional friction torque at low speed [N m]. Both values
+        apply to a drive without load.
     motor, external : float
-        Coefficient μ_m of the motor torque, and coefficient μ_e of the gear torque.
+        Coefficients of the friction at all speeds: μ_m of the motor torque, and μ_e
+        of the gear torque.
     motor_slow, external_slow : float
-        Coefficient μ_ms of the motor torque, and coefficient μ_es of the gear torque, for the
-        additional friction at low speed.
+        Coefficients of the additional friction at low speed: μ_ms of the motor torque, and μ_es of
+        the gear torque.
     v_s : float
         Stribeck speed, above which the additional friction decays [rad/s].
     alpha : float
-        Exponent α of the decay.
+        Exponent α of the decay of the additional friction.
     smooth : float
         Speed v₀ [rad/s]. Below v₀, a smooth function replaces the sign of the motor speed.
     """
@@ -273,7 +275,7 @@ class GearFrictionConfig(_CompiledLaw):
 
     @staticmethod
     def torque(row: Row, speed: float, load: float, motor: float) -> float:
-        """Return the friction torque [N m], which opposes motion and has the sign of `speed`."""
+        """Return the friction torque that opposes the motion [N m], with the sign of `speed`."""
         fast = row[2] + abs(row[5] * load - row[4] * motor)
         slow = row[3] + abs(row[7] * load - row[6] * motor)
         left = math.exp(-(abs(speed / row[8]) ** row[9]))

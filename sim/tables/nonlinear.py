@@ -2,7 +2,7 @@
 
 The method `build` of a class adds the nonlinear effect to the MuJoCo model of the plant. The
 attribute `exact` states whether the linear axis model describes the effect exactly. The attribute
-`substeps` is the number of simulation steps that the effect requires. With the required number of
+`substeps` is the number of simulation steps per 5 ms that the effect requires. With this number of
 steps, the relative error of the simulated motor speed is 1e-5, or 1e-3 for stick-slip friction.
 """
 
@@ -22,7 +22,7 @@ _NO_INPUT = 16  # MuJoCo's mjINPUT_NONE: an actuator without a command
 
 
 class Place(NamedTuple):
-    """Location of a number in MuJoCo: name of the field, name of the object, and column."""
+    """Location of a number in a MuJoCo model: name of the field, name of the object, and column."""
 
     field: str
     owner: str
@@ -35,7 +35,7 @@ class Nonlinearity(Config):
     Attributes
     ----------
     exact : bool
-        False, because the linear axis model does not describe a nonlinear effect.
+        Always False, because the linear axis model cannot describe a nonlinear effect.
     substeps : int
         Number of simulation steps per 5 ms that the effect requires.
     """
@@ -53,7 +53,7 @@ class Nonlinearity(Config):
         return {}
 
     def kept(self, law: Mapping[str, Any]) -> dict[Place, Any]:
-        """Return the values of the parameters `law` in the engine, keyed by their location.
+        """Return the MuJoCo values of the parameters in `law`, keyed by location in MuJoCo.
 
         The returned dictionary is empty if the parameters cannot change during a run.
         """
@@ -61,7 +61,7 @@ class Nonlinearity(Config):
 
 
 def substeps(features: Iterable[Nonlinearity], period: float, *, least: int = 1) -> int:
-    """Return the number of simulation steps per `period` [s] that all effects require.
+    """Return the number of simulation steps that all nonlinear effects require per period.
 
     The argument `least` is a lower limit for the number of simulation steps per 5 ms.
 
@@ -104,7 +104,7 @@ class BacklashConfig(Nonlinearity):
     ----------
     gear : float
         Width of the backlash gap, in which the gear spring exerts no torque [rad on the arm side].
-        The gear damper also acts in the gap.
+        The gear damper also acts within the backlash gap.
     """
 
     substeps: ClassVar[int] = 20
@@ -133,7 +133,8 @@ class StiffeningConfig(Nonlinearity):
     Attributes
     ----------
     gear : float
-        Ratio of the cubic stiffness coefficient to the linear coefficient [1/rad² on the arm side].
+        Ratio of the cubic stiffness coefficient to the linear stiffness coefficient [1/rad² on the
+        arm side].
     """
 
     gear: Positive
@@ -159,8 +160,8 @@ class SaturationConfig(Nonlinearity):
     Attributes
     ----------
     torque : float
-        Largest absolute value of the torque command [N m]. The drive multiplies the limited command
-        by the torque constant k_T.
+        Largest absolute value of the torque command [N m]. The motor torque is the limited command
+        times the torque constant k_T.
     """
 
     torque: Positive
@@ -177,8 +178,8 @@ class SaturationConfig(Nonlinearity):
 def passive(spec: Any, name: str, **law: list[float]) -> None:
     """Add a DC motor without input to the motor joint, to model LuGre friction or cogging.
 
-    The DC motor of MuJoCo implements LuGre friction and cogging. The keyword arguments `law`
-    contain the parameters of LuGre friction and cogging.
+    The DC motor of MuJoCo implements LuGre friction and cogging. The keyword arguments are the
+    MuJoCo parameters of LuGre friction or cogging.
     """
     motor = spec.add_actuator(name=name, target="motor")
     motor.trntype = spec.actuator("motor").trntype

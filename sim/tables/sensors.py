@@ -3,8 +3,8 @@
 The method `stage` of a sensor table returns a function that processes a signal. The attribute
 `exact` states whether the linear model still describes the processed signal. A signal passes
 through all sensors in the order of the keys in `Scenario`. The log contains the output of the last
-sensor. If the feedback is "measured", the controller reads the output of the last sensor. Otherwise
-the controller reads the true angle.
+sensor. If `Scenario.feedback` is "measured", the controller reads the output of the last sensor.
+Otherwise the controller reads the true motor angle.
 """
 
 from __future__ import annotations
@@ -41,14 +41,14 @@ class Sensor(Protocol):
     """Protocol of a sensor table, whose `stage` processes measured signals."""
 
     def stage(self, signal: Signal, white: White, period: float) -> Stage:
-        """Return a function that processes a signal with the sampling period `period` [s].
+        """Return a function that processes successive samples of a measured signal.
 
         The signal is assumed to be 0 before the start of the run.
         """
 
 
 def reading(sensors: Iterable[Sensor], signal: Signal, white: White, *, period: float) -> Stage:
-    """Return a function that passes a signal through all sensors in sequence.
+    """Return a function that passes a signal through all given sensors in sequence.
 
     Parameters
     ----------
@@ -57,16 +57,17 @@ def reading(sensors: Iterable[Sensor], signal: Signal, white: White, *, period: 
     signal : {"angle", "speed"}
         Signal to measure.
     white : callable
-        Function that takes the purpose of the noise and returns white noise for the whole run.
+        Function that takes the purpose of the noise, such as "noise.speed", and returns white noise
+        for the whole run.
     period : float
         Sampling period T [s].
 
     Returns
     -------
     callable
-        Function that takes the next samples (n, R) of the true signal and returns the measured
-        samples. The measured samples are bitwise the same if the function processes a whole run at
-        once or sample by sample.
+        Function that takes the next n samples of the true signal, as an array (n, R), and returns
+        the measured samples. It does not affect the bits of the measured samples whether the
+        function processes a whole run at once or sample by sample.
     """
     stages = [sensor.stage(signal, white, period) for sensor in sensors]
     return lambda values: reduce(lambda passed, stage: stage(passed), stages, values)
@@ -89,7 +90,7 @@ class NoiseConfig(Config):
     torque : float, optional
         Standard deviation of a white disturbance torque [N m]. The motor torque is the sum of
         command and disturbance, but the log contains only the command. Therefore the disturbance is
-        an input error and not output noise.
+        an input error, unlike the sensor noise.
     """
 
     speed: NotNegative = 0.1
@@ -102,7 +103,7 @@ class NoiseConfig(Config):
         return self.torque is None
 
     def on_torque(self, white: White) -> Array | None:
-        """Return the disturbance torque (N, R) [N m], or None if there is no disturbance."""
+        """Return the disturbance torque [N m], or None if there is no disturbance."""
         return self.torque * white("noise.torque") if self.torque else None
 
     def stage(self, signal: Signal, white: White, period: float) -> Stage:
@@ -123,8 +124,8 @@ class EncoderConfig(Config):
     Attributes
     ----------
     counts : int
-        Number of encoder counts per motor revolution. An encoder with 16 bits has 65536 counts. The
-        value 0 means an encoder without quantization.
+        Number of encoder counts per motor revolution. An encoder with 16 bits has 65536 counts. If
+        `counts` is 0, the encoder does not quantize the angle.
     """
 
     exact: ClassVar[bool] = True  # the bounds include the rounding of the encoder
@@ -161,7 +162,7 @@ class DelayConfig(Config):
         Delay of the measured angle and speed [samples].
     torque : float, optional
         Delay from a torque command to the motor torque [s], which must be a multiple of 1 ms. The
-        log contains the torque at the time of the command.
+        log contains the torque command without this delay.
     """
 
     measurement: int = Field(default=0, ge=0, le=1000)
@@ -176,7 +177,7 @@ class DelayConfig(Config):
 
     @property
     def exact(self) -> bool:
-        """Whether there is no delay."""
+        """Whether the scenario has neither a measurement delay nor a torque delay."""
         return not (self.measurement or self.torque)
 
     def stage(self, signal: Signal, white: White, period: float) -> Stage:
@@ -218,7 +219,7 @@ class FilterConfig(Config):
 
 
 def _late(samples: int) -> Stage:
-    """Return a function that delays a signal by a number of samples; the first samples are 0."""
+    """Return a function that delays a signal by a number of samples; its first outputs are 0."""
     waiting: Array | None = None
 
     def stage(values: Array) -> Array:
@@ -244,7 +245,7 @@ def _added(noise: Array) -> Stage:
 
 
 def _low_pass(time_constant: float, period: float) -> Stage:
-    """Return the low-pass filter f[k] = a f[k−1] + (1−a) s[k], with a = exp(−T/τ) and f[−1] = 0."""
+    """Return a function that filters a signal by a first-order low-pass filter."""
     pole = math.exp(-period / time_constant)
     last: Array | float = 0.0
 
@@ -259,5 +260,5 @@ def _low_pass(time_constant: float, period: float) -> Stage:
 
 
 def angle_increment(angle: Array, *, period: float) -> Array:
-    """Return (φ[k] − φ[k−1])/T [rad/s] of sampled angles φ (N, ...) [rad]; the first value is 0."""
+    """Return the angle increments (φ[k] − φ[k−1])/T [rad/s]; the first increment is 0."""
     return np.diff(angle, axis=0, prepend=angle[:1]) / period

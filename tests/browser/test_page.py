@@ -52,11 +52,11 @@ def test_a_click_moves_the_curves_and_both_estimators(browser, address, width, h
     browser.size(width, height)
     browser.open(address)
     browser.wait(f"{CELL.format(1)} == 0.05", "f_m at nominal")
-    assert browser.run(DRAWN.format("error since the last change")) == 0
+    assert browser.run(DRAWN.format("error after the last change")) == 0
     browser.click("f_m × 2")
     for column in (1, 2, 3):
         browser.wait(f"Math.abs({CELL.format(column)} / 0.1 - 1) < 0.06", f"f_m in column {column}")
-    browser.wait(f"{DRAWN.format('error since the last change')} > 100", "curves of the change")
+    browser.wait(f"{DRAWN.format('error after the last change')} > 100", "curves of the change")
     assert width < 600 or browser.run(DRAWN.format("f_m")) > 100
     browser.click("Pause")
     browser.wait("document.body.innerText.includes('paused')", "pause")

@@ -85,7 +85,7 @@ CASES = [
     (FAULT.replace("step", "intermittent") + "on = 1\noff = 1\nuntil = 9",
      "fault[0].until: the end at 9 s must be after the onset at 10 s", ""),
     (FAULT.replace("step", "profile") + "points = [[1, 0.5], [1, 1]]",
-     "fault[0].points: times must increase from point to point; 1 s follows 1 s; for", ""),
+     "fault[0].points: corner times must increase; 1 s follows 1 s; for", ""),
     (FAULT.replace("step", "profile") + "points = [[0.001, 0.5], [1, 1]]",
      "fault[0].points[0]: a point must be at least one sample (0.005 s) after the previous", ""),
     ("excitation = { kind = 'multisine', low = 40 }",
@@ -107,7 +107,7 @@ CASES = [
      "nominal axis is unstable for Kv = 0.5 and a sampling period of 10",
      "Lower controller.Kv, or check controller.Kp, controller.Ki and the delays"),
     ("delay.torque = 0.0015", "delay.torque: the delay must be a multiple of 0.001 s, not", ""),
-    ("controller.log = 'mean'", "controller.log: the key needs an inner control loop: set ", ""),
+    ("controller.log = 'mean'", "controller.log: `log` needs an inner control loop: set ", ""),
     ("feedback = 'measured'\ncontroller.rate = 1000", "controller.rate: an inner loop reads the "
      "true angle", ""),
     ("known.J_a = 1.1", "known.J_a: the parameter J_a is estimated: set its initial value with "
