@@ -29,6 +29,7 @@ SMALLEST = 0.02  # smallest relative change that is reported
 STEPS, REACH = 5, 2.0  # steps of a fit; maximum factor by which a step changes a parameter
 # a window is informative if its deviation is at most USUAL times the QUIET quantile of all windows
 QUIET, USUAL = 0.25, 5.0
+FEW = 0.25  # largest ratio of residual to error in a window whose error the parameters explain
 FEWEST = 8  # minimum number of values from which a scatter is computed
 SEEN = 0.25  # maximum standard deviation at which a relative step in mid-record is detectable
 EDGE = 3  # minimum number of values on each side of a step
@@ -254,14 +255,16 @@ def _windows(time: Array, error: Array, J: Array, p: int) -> tuple[Array, Array,
     parts = [k for k in np.array_split(np.arange(len(time)), WINDOWS) if len(k) > 10 * J.shape[1]]
     inverses = [np.linalg.pinv(J[k], rcond=1e-8) for k in parts]
     every = [one @ error[k] for one, k in zip(inverses, parts, strict=True)]
-    left = np.array([np.std(error[k] - J[k] @ x) for x, k in zip(every, parts, strict=True)])
     x = np.reshape(every, (-1, J.shape[1]))[:, :p]
     if not parts:
         return x, x, x
+    total = np.array([np.std(error[k]) for k in parts])
+    left = np.array([np.std(error[k] - J[k] @ x) for x, k in zip(every, parts, strict=True)])
     sd = np.array([np.linalg.norm(one[:p], axis=1) for one in inverses])
-    sd = np.where(sd > 0, left[:, None] * sd, np.inf)
+    sd = np.where(sd > 0, sd, np.inf)
     seen = (sd <= USUAL * np.quantile(sd, QUIET, axis=0, method="lower")).all(axis=1)
-    seen &= left <= USUAL * np.median(left[seen])
+    seen &= (left <= USUAL * np.median(left[seen])) | (left <= FEW * total)
+    sd *= left[:, None]
     return time[np.array([k[[0, -1]] for k in parts])][seen], x[seen], sd[seen]
 
 

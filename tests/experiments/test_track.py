@@ -33,12 +33,13 @@ def written(  # noqa: PLR0917
     torque = 0.5 * np.sin(2 * np.pi * np.array([0.7, 2.3, 9.1])[:, None] * TIME).sum(axis=0)
     torque += 0.3 * rng.standard_normal(N)
     torque[:still] = 0.0
-    speed, f = np.zeros(N), np.broadcast_to(friction, N)
-    for k in range(N - 1):
-        keep = np.exp(-f[k] / J * T)
-        speed[k + 1] = keep * speed[k] + (1 - keep) / f[k] * torque[k] if k < brake else 0.0
+    speed, turned, f = np.zeros(N), np.zeros(N), np.broadcast_to(friction, N)
+    for k in range(min(N - 1, brake)):
+        keep, final = np.exp(-f[k] / J * T), torque[k] / f[k]
+        speed[k + 1] = keep * speed[k] + (1 - keep) * final
+        turned[k + 1] = final * T + (speed[k] - final) * (1 - keep) * J / f[k]
     # the angle is exact to the rounding of %.9g; the speed has white noise
-    y = T * np.cumsum(speed) if angle else speed + 0.05 * rng.standard_normal(N)
+    y = np.cumsum(turned) if angle else speed + 0.05 * rng.standard_normal(N)
     rows = np.column_stack([TIME, torque_times * torque, y])[kept]
     head = f"time [s],torque [Nm],{'angle [rad]' if angle else 'speed [rad/s]'}"
     np.savetxt(path, rows, "%.9g", ",", header=head, comments="")
