@@ -1,8 +1,8 @@
-"""The command `flexaxis`, which prints results on stdout, and progress and errors on stderr.
+"""The program `flexaxis`, which prints results to stdout, and progress and errors to stderr.
 
 Each subcommand is a function in a module of `flexaxis.experiments.commands`. The decorator
-`options.command` registers the functions. The option `--help` is fast, because the functions import
-slow modules only when they run.
+`options.command` registers each function as a subcommand. The option `--help` is fast, because a
+subcommand imports slow modules only when it runs.
 """
 
 import argparse
@@ -68,7 +68,7 @@ def parser() -> Parser:
     words = "Benchmark recursive identification of a geared, flexible robot axis."
     top = Parser(prog="flexaxis", description=words, epilog=EPILOG, **style)
     top.add_argument("--version", action="version", version=f"flexaxis {version('flexaxis')}",
-                     help="Print the version and stop.")  # fmt: skip
+                     help="Print the version of flexaxis and exit.")  # fmt: skip
     subs = top.add_subparsers(dest="command", metavar="COMMAND", required=True, title="commands",
                               help="The command to run.")  # fmt: skip
     for name, (main, _) in COMMANDS.items():

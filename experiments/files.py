@@ -24,7 +24,7 @@ class StudyError(FlexaxisError):
 
 
 class NotRun(FlexaxisError):
-    """Error if disk space or memory runs out. The same command resumes the interrupted run."""
+    """Error if disk space or memory runs out. To resume the run, repeat the command."""
 
 
 @contextmanager
@@ -56,20 +56,20 @@ def new_file(path: Path) -> Iterator[Path]:
     Raises
     ------
     OutputError
-        If the file cannot be written. An existing file with this name remains unchanged.
+        If the file cannot be written. After the error, an existing file at this path is unchanged.
     """
     with writing(path), atomic(path) as part:
         yield part
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text file atomically, with the errors that `new_file` describes."""
+    """Write a text file atomically, and raise the same errors as `new_file`."""
     with new_file(path) as part:
         part.write_text(text, encoding="utf-8")
 
 
 def write_json(path: Path, content: Any) -> None:
-    """Write a value as indented standard JSON, with the errors that `new_file` describes."""
+    """Write a value as indented standard JSON, and raise the same errors as `new_file`."""
     text = json.dumps(content, allow_nan=False, ensure_ascii=False, indent=1)
     write_text(path, text + "\n")
 
@@ -124,7 +124,8 @@ def optional_package(name: str) -> Any:
     Raises
     ------
     StudyError
-        If the package is not installed. The message names the installation command.
+        If the package is not installed. The error message contains the command that installs the
+        package.
     """
     try:
         return import_module(name)

@@ -1,4 +1,4 @@
-"""Test that your estimator satisfies the rules and is not worse than another estimator."""
+"""Test that your estimator obeys the benchmark rules and is not worse than another estimator."""
 
 import flexaxis as fx
 

@@ -4,8 +4,8 @@
     flexaxis run headline --estimator ekf --estimator docs/examples/ukf.py:Ukf
 
 R. van der Merwe and E. A. Wan, *The square-root unscented Kalman filter for state and
-parameter-estimation*, ICASSP 2001. Unlike the filter in the paper, this filter propagates the
-covariance matrix instead of a square root of the matrix, and uses alpha = 1.
+parameter-estimation*, ICASSP 2001. Unlike the square-root filter in that paper, this filter
+propagates the covariance matrix itself, and uses alpha = 1.
 """
 
 import numpy as np
@@ -15,7 +15,7 @@ SUBSTEPS = 2
 
 
 class Ukf:
-    """Joint filter for the axis state and for relative parameters, modelled as random walks."""
+    """Joint estimation of the axis state and the relative parameters (modelled as random walks)."""
 
     names = ("k_T", "1/J_a", "f_m")  # entries of theta
     output = "speed"  # meaning of y

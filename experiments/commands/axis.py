@@ -11,7 +11,7 @@ from flexaxis.sim.errors import FlexaxisError
 
 
 def _target(args: Args, default: str, *inputs: Any) -> Path:
-    """Return the output path, or raise an error if the path has a wrong suffix or is an input."""
+    """Return the output path, or raise an error if its suffix is wrong or it is an input file."""
     check_file(args.log)
     path = args.output or args.log.with_name(args.log.stem + default)
     check_not_input((args.log, args.map, *inputs), path, path.with_suffix(".html"))
@@ -31,9 +31,9 @@ def _saved(args: Args, result: Any, path: Path) -> int:
 def import_(args: Args) -> int:
     """Convert a log of your own axis to a record, and check the data quality.
 
-    LOG is a text table, or a MAT (all versions), HDF5 or NetCDF file. The command checks time
-    stamps, gaps, angle wrapping, clipping, update rates, units, resolution, outliers, the type of
-    the torque signal, and signs. For each problem, the command prints an option that solves the
+    LOG is a text table, or a file in MAT (all versions), HDF5 or NetCDF format. The command checks
+    time stamps, gaps, angle wrapping, clipping, update rates, units, resolution, outliers, the type
+    of the torque signal, and signs. For each problem, the command prints an option that solves the
     problem.
 
     example:
@@ -53,13 +53,14 @@ def identify(args: Args) -> int:
 
     The command adds dry friction, gravity and similar effects to the model if these effects improve
     the simulation of held-out log segments. The log of a single axis determines the other
-    parameters only relative to k_T. Therefore k_T and the gear ratio r keep their values, unless
-    you use --free. The exit status is 1 if the estimates are less accurate than their standard
-    deviations indicate, else 0.
+    parameters only relative to k_T. Therefore the command does not identify k_T and the gear ratio
+    r, unless you use --free. The exit status is 1 if the estimates are less accurate than their
+    standard deviations indicate, else 0.
 
     For a folder, the command reads all logs in the order of their names, and writes a CSV file with
     one row of estimates per log. The report shows the effects of covariates, and all parameter
-    changes. The exit status is 1 if a parameter changed, or if the command could not use a log.
+    changes. For a folder, the exit status is 1 if a parameter changed, or if the command could not
+    use one of the logs.
 
     MODEL is one_mass, two_mass, three_mass, or the path of your own TOML file (docs/logs.md).
 

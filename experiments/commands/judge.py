@@ -20,7 +20,7 @@ def compare(args: Args) -> int:
     explains the statistics.
 
     With --match-std, the command tunes both estimators to the noise of rpem-forgetting, and
-    compares only the lag. With --match-std, both estimators need a tuning parameter
+    compares only their lags. With --match-std, both estimators need a tuning parameter
     (docs/scores.md).
 
     exit status: 0 no regression; 1 worse; 2 wrong use; 70 a crash; 3 undecided (only with --strict,
@@ -71,8 +71,8 @@ def tune(args: Args) -> int:
     values of the tuning parameter, from 1/1024 to 1024 times the default.
 
     With --sweep, the command instead runs the estimators with several settings on a scenario with a
-    fault. The command then prints the lag and noise of each setting, and draws a figure. The
-    command also prints the lag of each estimator at the noise level of the reference.
+    fault. With --sweep, the command prints the lag and noise for each setting, and draws a figure.
+    The command also prints the lag of each estimator at the noise level of the reference estimator.
 
     example:
       flexaxis tune ekf
@@ -87,7 +87,7 @@ def tune(args: Args) -> int:
     if args.sweep:
         table.plot().savefig(figure := folder / "sweep.svg")
         return answer(args, table.content | {"figure": figure}, 0, table, f"figure: {figure}")
-    match = "{setting} is as noisy as rpem-forgetting: the {match} ratio is {ratio:.3f}."
+    match = "{setting} is as noisy as rpem-forgetting: the ratio of {match} scores is {ratio:.3f}."
     rows = table.to_dict("records")
     lines = [("{estimator} is not tuned: {problem}" if row["problem"] else match).format(**row)
              for row in rows]  # fmt: skip

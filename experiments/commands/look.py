@@ -64,10 +64,11 @@ def show(args: Args) -> int:
 def demo(args: Args) -> int:
     """Inject faults into a live axis in the browser, and watch which estimator detects them first.
 
-    Estimator A is the method of the paper, and estimator B is the recommended estimator. Press the
-    button "motor friction f_m × 2". The diagram on the right then shows the remaining errors of
-    both estimators and the theoretical limit. You can pause the axis, simulate single steps, change
-    λ, Δ, μ, noise and dry friction, and choose other estimators.
+    Estimator A is the method of Östring and Gunnarsson, and estimator B is the recommended
+    estimator. Press the button "motor friction f_m × 2". After a fault, the diagram on the right
+    shows the estimation errors of A and B, and the theoretical lower limit of the error. You can
+    pause the axis, simulate single steps, change λ, Δ, μ, noise and dry friction, and choose other
+    estimators.
 
     The demo page needs no network, and opens only on this computer. The page docs/demo.md explains
     how to show the demo to a class.
@@ -86,7 +87,7 @@ def demo(args: Args) -> int:
 
 @command("-o")
 def paper(args: Args) -> int:
-    """Reproduce the figures of the paper, and check the claims of the paper.
+    """Reproduce the figures of Östring and Gunnarsson's paper, and check the claims of that paper.
 
     The paper is "Recursive identification of physical parameters in a flexible robot arm" by
     Östring and Gunnarsson. The command writes index.html, claims.json, and fig3 to fig9 (.svg,

@@ -61,7 +61,7 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "names SUITE|SCENARIO": (f"{NAMES} (required if you do not use --from).", {"nargs": "*"}),
     "compare: names SUITE|SCENARIO|RUN": (
         f"{NAMES} (default: the suite gate). To compare two finished runs, write the paths of "
-        "their folders.", {"nargs": "*"},
+        "their results folders.", {"nargs": "*"},
     ),
     "scenario SCENARIO": "Name of a scenario, or path of a scenario file (TOML).",
     "name SCENARIO|SUITE|ESTIMATOR": "Name of a scenario, suite or estimator, or path of a TOML "

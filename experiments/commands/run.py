@@ -133,8 +133,8 @@ def rerun(args: Args) -> int:
     """Repeat the runs in a results folder, and compare the new scores with the stored scores.
 
     Use this command to check your own results, or the results of another person. The command does
-    not change the results folder. The command executes the code of your own estimators, which must
-    still be at the same path.
+    not change the results folder. The command executes the code of your own estimators, whose files
+    must still be at their original paths.
 
     exit status: 0 if all relative differences between the scores are below 1e-6, else 1
 
@@ -152,11 +152,11 @@ def rerun(args: Args) -> int:
 
 @command("scenario", "--seed", "-o", "--as-log", "--units", "--gaps", "--counts")
 def simulate(args: Args) -> int:
-    """Simulate a scenario, and save the record with the measured signals and the true values.
+    """Simulate a scenario, and save the measured signals and the true parameter values.
 
-    With --as-log, the command writes a log that resembles the log of a real robot. The log contains
-    no true values, but can contain gaps and other units. Use simulated logs to practise the
-    commands `import` and `identify`.
+    With --as-log, the command writes a log that resembles the log of a real robot. A simulated log
+    contains no true parameter values, but can have gaps and units other than SI units. Use
+    simulated logs to practise the commands `import` and `identify`.
 
     example:
       flexaxis simulate fm_step --seed 0 -o rec.nc

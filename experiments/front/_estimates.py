@@ -72,7 +72,7 @@ class Estimate:
 
     @cached_property
     def covariance(self) -> Array | None:
-        """Covariance matrices (N, p, p) from the estimator, or None if it reports no covariance.
+        """Covariances of the estimates (N, p, p), or None if the estimator reports none.
 
         The first access runs the estimator again to collect one covariance matrix per sample.
         """
@@ -81,7 +81,7 @@ class Estimate:
 
     @cached_property
     def truth(self) -> Mapping[str, Array]:
-        """True parameter values (N,), keyed by name; an empty dict if the record has none."""
+        """True values of each parameter, keyed by name, or an empty dict if unknown; shape (N,)."""
         return true_values(self.names, self.record, slice(None))
 
     def plot(self, *names: str, ax: Any = None, band: bool = True) -> Any:
@@ -95,7 +95,8 @@ class Estimate:
             Matplotlib axes for the curves, for example the axes that the `plot` method of another
             estimate returned (default: new axes).
         band : bool
-            If true, draw a band of ±2 standard deviations (from the estimator) around each curve.
+            If true, draw a band of ±2 standard deviations around each curve, as reported by the
+            estimator.
 
         Returns
         -------
@@ -168,7 +169,8 @@ def estimate(
         Record from `simulate` or `load`, or path of a record file (``.nc``).
     estimator : str or class
         Estimator name from `flexaxis.estimators()`, any text that the option ``--estimator``
-        accepts, or your own estimator class. If you pass a class, the function creates an object.
+        accepts, or your own estimator class. If you pass a class, the function creates an estimator
+        of this class.
     scenario : str, Path or Scenario, optional
         Scenario that defines the nominal parameter values for the estimator (default: the scenario
         that the record contains).
@@ -176,14 +178,15 @@ def estimate(
     Returns
     -------
     result : Estimate
-        Object with the parameter estimates θ (N, p) and other estimator outputs.
+        Object with the parameter estimates, the array ``theta`` (N, p), and other estimator
+        outputs.
 
     Raises
     ------
     EstimatorError
         If the estimator cannot be created, or cannot process the record.
     RecordError
-        If neither the record nor the call provides a scenario.
+        If the record contains no scenario, and you do not pass a scenario.
 
     Examples
     --------
@@ -226,8 +229,8 @@ def score(
     Returns
     -------
     table : DataFrame
-        Table with one row per parameter. The columns `lag` and `t10` are in s. The columns `std`,
-        `bias` and `cross_talk` are in % of the nominal parameter value.
+        Table with one row per parameter. The columns `lag` and `t10` are in seconds. The columns
+        `std`, `bias` and `cross_talk` are in % of the nominal parameter value.
 
     Raises
     ------
@@ -266,7 +269,7 @@ def check(estimator: EstimatorLike) -> pd.DataFrame:
     -------
     table : DataFrame
         Table with one row per rule, and with the columns ``rule, holds, seen, reason, hint``. The
-        value of ``holds`` is None if the rule does not apply to the estimator.
+        column ``holds`` contains None if a rule does not apply to the estimator.
 
     Raises
     ------

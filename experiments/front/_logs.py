@@ -146,8 +146,8 @@ def identify(
     start : mapping of str to float, optional
         Start values for the parameter search, keyed by parameter name.
     fix : mapping of str to float or None, optional
-        Values of the parameters to hold constant, keyed by parameter name. The value None holds a
-        parameter at its nominal value.
+        Values of the parameters to hold constant, keyed by parameter name. If you pass None for a
+        parameter, the function holds the parameter at its nominal value.
     validate : path or record, optional
         Second log, on which the function tests the identified model.
     covariates : sequence of str

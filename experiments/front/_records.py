@@ -64,7 +64,7 @@ class Recording(Record):
         return draw(panels, ax, self.definition)
 
     def save_log(self, path: Path, **style: Any) -> None:
-        """Write a CSV log without true values, with the options `style` of `units.write_log`."""
+        """Write a CSV log without true values; `style` contains options of `units.write_log`."""
         write_log(path, self, stream(self.hash, self.seed or 0, "log"), **style)
 
     def to_dataframe(self) -> pd.DataFrame:
@@ -112,7 +112,7 @@ def simulate(scenario: str | Path | Scenario, /, *, seed: int = 0, **changes: An
     Parameters
     ----------
     scenario : str, Path or Scenario
-        A name from `flexaxis.scenarios()`, the path of a TOML file, or a scenario.
+        A name from `flexaxis.scenarios()`, the path of a TOML file, or a `Scenario` object.
     seed : int
         Random seed. Simulations with the same seed are identical to the last bit.
     **changes
@@ -122,7 +122,8 @@ def simulate(scenario: str | Path | Scenario, /, *, seed: int = 0, **changes: An
     Returns
     -------
     record : Recording
-        Record with the measured torque, angle and speed (N,), and the true parameter values.
+        Record with the measured torque, angle and speed, and the true parameter values, as arrays
+        (N,) with one value per sample.
 
     Raises
     ------
@@ -174,7 +175,7 @@ def load(path: str | Path) -> Any:
 
 
 def cache(*, clear: bool = False) -> dict[str, Any]:
-    """Return the location and size of the cache of simulated records, and optionally clear it.
+    """Return the path and size of the cache of simulated records, and optionally clear the cache.
 
     A cached record is never outdated, because its key contains the seed, the MuJoCo version, and
     hashes of the scenario and the simulation code. If the cache exceeds 2048 MB, the least recently
@@ -189,7 +190,7 @@ def cache(*, clear: bool = False) -> dict[str, Any]:
     -------
     content : dict
         The keys are ``folder``, the path of the cache, and ``megabytes``, the size of the cache
-        [MB]. The environment variable FLEXAXIS_CACHE sets the folder.
+        [MB]. The environment variable FLEXAXIS_CACHE sets the path of the cache.
 
     Examples
     --------
@@ -235,7 +236,7 @@ class Axis:
     Attributes
     ----------
     scenario : Scenario
-        The scenario with the fault onset that the seed determines.
+        The scenario, in which the seed determines the onset of the fault.
     sample : Sample
         The measurements at the latest sampling instant. The axis starts at rest.
     """

@@ -69,7 +69,7 @@ class Results(engine.Results):
         Parameters
         ----------
         sample : int
-            Approximate number of runs to repeat. The value 0 repeats all runs.
+            Approximate number of runs to repeat, or 0 to repeat all runs.
         **work
             The options ``jobs`` and ``time_limit`` of `benchmark`.
 
@@ -83,7 +83,7 @@ class Results(engine.Results):
             return rerun(self, runner, sample)
 
     def plot(self, x: str = "", *, ax: Any = None) -> Any:
-        """Draw the lag over the noise or, for a study, over a swept setting.
+        """Plot the lag against the noise or, for a study, against a swept setting.
 
         Parameters
         ----------
@@ -135,7 +135,7 @@ def benchmark(
     Parameters
     ----------
     estimators : str, class, or several of them
-        Estimator names from `flexaxis.estimators()`, any texts that the option ``--estimator``
+        Estimator names from `flexaxis.estimators()`, any text that the option ``--estimator``
         accepts, or your own estimator classes (default: the estimators of the suite).
     scenarios : str, Path, Scenario, or several of them
         Names of scenarios or suites, paths of TOML files, or `Scenario` objects.
@@ -143,13 +143,13 @@ def benchmark(
         Number of random seeds (starting at 1000), a range of seeds such as ``"0:20"``, or a list
         of seeds (default: the number of seeds that the suite specifies).
     folder : str or Path, optional
-        Folder for the result files. With a folder, the function also compares the estimators of a
-        suite at equal noise. Without a folder, the results stay in memory.
+        Folder for the result files. If you specify a folder, the function also compares the
+        estimators of a suite at equal noise. Without a folder, the results stay in memory.
     **work
-        ``jobs`` is the number of processes (default 1). ``shard`` is the pair of the shard number
-        and the number of shards. ``dask`` is the address of a Dask scheduler. ``overwrite`` deletes
-        old results in `folder`. ``time_limit`` limits the time for one run of your own estimator
-        (default 600 s).
+        ``jobs`` is the number of processes (default 1). ``shard`` is a pair of the shard number and
+        the number of shards. ``dask`` is the address of a Dask scheduler. If ``overwrite`` is true,
+        the function deletes old results in `folder`. ``time_limit`` is the time limit for one run
+        of your own estimator [s] (default 600).
 
     Returns
     -------
@@ -209,8 +209,8 @@ class Comparison:
         The object that `flexaxis compare --json` prints, with keys such as ``verdict``.
     status : int
         Exit status of the command `flexaxis compare`, which is 1 if the candidate is worse. The
-        status is 3 if the verdict is undecided and the candidate has missing runs, or more failed
-        or diverged runs than the base. Otherwise, the status is 0.
+        exit status is 3 if the verdict is undecided and the candidate has missing runs, or more
+        failed or diverged runs than the base. In all other cases, the exit status is 0.
     """
 
     content: dict[str, Any]
@@ -269,14 +269,14 @@ def compare(
     **work
         The same options as for `benchmark`.
     runs : two paths, optional
-        Results folders of two finished runs. The function compares the stored scores, and runs no
-        estimator.
+        Results folders of two finished runs. If you pass folders, the function compares the stored
+        scores, and runs no estimator.
     max_seeds : int
         Maximum number of seeds. The function adds seeds while the verdict is undecided.
     match_std : bool
-        If true, tune both estimators to the same noise, and compare only the lag. The noise is the
-        standard deviation of the changed parameter. If several parameters change, the noise is the
-        excess prediction error.
+        If true, tune both estimators to the same noise, and compare only the lag. The noise measure
+        is the standard deviation of the estimate of the changed parameter. If several parameters
+        change, the noise measure is the excess prediction error.
     margins : mapping of str to float, optional
         Largest negligible relative change of each score, such as ``{"lag": 0.05}`` (default: 0.02
         for lag and std, 0.2 for bias).
@@ -291,8 +291,8 @@ def compare(
     Raises
     ------
     FlexaxisError
-        If the two estimators have fewer than two runs in common. With `match_std`, the function
-        also raises the error if it cannot tune an estimator to the noise of the reference.
+        If the two estimators have fewer than two runs in common, or if `match_std` is true and an
+        estimator cannot be tuned to the noise of rpem-forgetting.
     """
     checked = gate.check_margins(margins or {})
     sides = [text_of(each) if each else "" for each in (base, candidate)]
@@ -317,7 +317,7 @@ def compare(
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Sweep:
-    """The lag and noise of estimators at several settings of the tuning parameters.
+    """The lag and noise of estimators at several settings of their tuning parameters.
 
     Attributes
     ----------
@@ -330,11 +330,11 @@ class Sweep:
 
     @property
     def table(self) -> pd.DataFrame:
-        """Table with the lag [s] and the noise [% of nominal] of each setting."""
+        """Table with one row per setting: lag [s] and noise [% of the nominal value]."""
         return pd.DataFrame(self.content["tradeoff"]["points"])[[*TURNED]]
 
     def plot(self) -> Any:
-        """Draw the lag over the noise, with one panel per fault and one line per estimator."""
+        """Plot the lag against the noise, with one panel per fault and one line per estimator."""
         found = self.content["tradeoff"]
         return figures.speed_noise(faults_of(found["points"]), fault_words(found))
 
@@ -365,7 +365,7 @@ def tune(
     seeds : int, str or iterable of int
         Random seeds, in any form that `benchmark` accepts.
     folder : str or Path, optional
-        Folder for the result rows.
+        Folder for the scores of all runs.
     file : str or Path, optional
         TOML file for the tuned settings, in the format of estimators/tuned.toml.
     **work
@@ -375,8 +375,8 @@ def tune(
     -------
     result : DataFrame or Sweep
         Table with one row per estimator, or a `Sweep` object if you pass `sweep`. The columns are
-        ``estimator, problem, setting, knob, value, match`` and ``ratio``, the noise ratio of the
-        estimator to the reference. If tuning fails, the column ``problem`` contains the reason.
+        ``estimator, problem, setting, knob, value, match`` and ``ratio``, the noise relative to
+        that of rpem-forgetting. If tuning fails, the column ``problem`` contains the reason.
     """
     numbers = seeds_of(seeds, 16)
     names, lines = estimators or [n for n, entry in REGISTRY.items() if entry.knob], []

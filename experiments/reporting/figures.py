@@ -40,7 +40,7 @@ class Series:
     Attributes
     ----------
     x, y : (M,) array
-        Horizontal and vertical coordinates of the M points.
+        Horizontal and vertical coordinates of all points.
     low, high : (M,) array, optional
         Lower and upper limits of a band around a curve, or of the error bars of points.
     estimator : str
@@ -48,7 +48,7 @@ class Series:
     label : str
         Label in the legend (default: the name of the estimator).
     role : {"", "truth", "bound", "data"}
-        Type of a curve that does not belong to an estimator.
+        Type of the series: empty for an estimator, or a true value, a bound, or other data.
     kind : {"line", "steps", "points", "both"}
         Drawing type, which is a line, a staircase line, points, or points joined by a line.
     """
@@ -161,7 +161,7 @@ def logarithmic(axis: Any) -> None:
 
 
 def _interval(ax: Axes, place: float, parts: Any, who: str, tip: str, **own: Any) -> None:
-    """Draw a value as a dot, and its interval as a horizontal line, at the height `place`."""
+    """Draw a value as a dot, and its interval as a line, at the vertical position `place`."""
     value, *ends = parts
     tag(ax.hlines(place, *ends, color=own["color"]), who, tip)
     tag(ax.plot(value, place, ls="", mec=styles.BACK, ms=6, **own)[0], who, tip)
@@ -180,7 +180,7 @@ def _rows(ax: Any, names: Sequence[str], label: str, **options: Any) -> Figure:
 def over_bound(
     matched: pd.DataFrame, order: Sequence[str], faults: Mapping[str, str], *, looks: Looks = USUAL
 ) -> Figure:
-    """Draw the ratio of lag to bound, with one row per estimator and one dot per fault.
+    """Draw the ratios of lag to Cramér–Rao bound, one row per estimator and one dot per fault.
 
     Horizontal lines are 95 % confidence intervals. The vertical line at 1 is the Cramér–Rao bound.
 
@@ -192,7 +192,7 @@ def over_bound(
     order : sequence of str
         Names of the estimators in the order of the rows.
     faults : mapping of str to str
-        Descriptions of the faults, keyed by fault.
+        Descriptions of the faults, keyed by fault name.
     looks : mapping of str to Style
         Styles of the estimators, keyed by estimator.
     """
@@ -251,7 +251,7 @@ def medians(
 
 
 def speed_noise(swept: pd.DataFrame, faults: Mapping[str, str], *, looks: Looks = USUAL) -> Figure:
-    """Draw the lag over the noise, with one line per estimator and a line for the bound.
+    """Plot the lag against the noise, with a line per estimator and a line for the lag bound.
 
     Parameters
     ----------
@@ -270,12 +270,12 @@ def speed_noise(swept: pd.DataFrame, faults: Mapping[str, str], *, looks: Looks 
         own = own.assign(x=own["std"] / usual["std"].median())
         panels[f"{text}\nlag [s]"] = lines(own, "x", "lag")
     x = f"noise before the fault, relative to {REFERENCE}"
-    marks = [(1.0, "noise level in the table")]
+    marks = [(1.0, "noise level of the lag table")]
     return curves(panels, x=x, logs=[x, *panels], marks=marks, looks=looks)
 
 
 def lines(rows: pd.DataFrame, x: str, y: str, kind: Any = "both") -> list[Series]:
-    """Return one curve with error bars per estimator and, for the lag, a curve of the bound.
+    """Return a curve with error bars for each estimator and, for the lag, the curve of its bound.
 
     Parameters
     ----------
@@ -299,7 +299,7 @@ def lines(rows: pd.DataFrame, x: str, y: str, kind: Any = "both") -> list[Series
 
 
 def lag_against_noise(rows: pd.DataFrame, **options: Any) -> Figure:
-    """Draw the lag over the noise, with one point per table row.
+    """Plot the lag against the noise, with one point per table row.
 
     Parameters
     ----------
@@ -314,9 +314,10 @@ def lag_against_noise(rows: pd.DataFrame, **options: Any) -> Figure:
 
 
 def shares(runs: pd.DataFrame, **options: Any) -> Figure:
-    """Draw the cumulative distribution of the ratio of lag to bound for each estimator.
+    """Draw the cumulative distribution of the ratio of lag to lag bound for each estimator.
 
-    The lag counts as infinite for a run that diverged or does not estimate the changed parameter.
+    The lag is regarded as infinite if a run diverged, or if the estimator does not estimate the
+    changed parameter.
 
     Parameters
     ----------
@@ -341,7 +342,7 @@ def shares(runs: pd.DataFrame, **options: Any) -> Figure:
 def score_map(
     cells: pd.DataFrame, *, title: str, x: str, y: str, limits: tuple[float, float]
 ) -> Figure:
-    """Draw a map of a score over two swept settings of a study.
+    """Draw a map of a score as a function of two swept settings of a study.
 
     Each cell of the map contains the score at one combination of the two settings.
 

@@ -64,7 +64,7 @@ class Drawing:
         self.runs = runs.assign(over_bound=runs["lag"] / runs["lag_bound"])
 
     def board(self) -> dict[str, Any] | None:
-        """Return the first report screen, or None without a comparison at equal noise."""
+        """Return the top section of the report, or None if no results at equal noise exist."""
         swept = self.swept
         if not swept.get("matched"):
             return None
@@ -111,7 +111,7 @@ class Drawing:
         """Yield a heading and a figure for the results of all scenarios with default settings."""
         if (self.runs["lag_bound"] > 0).any():
             drawn = self.draw(figures.shares, "share of runs", self.runs)
-            yield "Fraction of runs below each ratio of lag to bound", drawn
+            yield "Distribution of the ratio of lag to lag bound over all runs", drawn
 
     def section(self, name: str, rows: pd.DataFrame) -> dict[str, Any]:
         """Return the content of the report section for one scenario.

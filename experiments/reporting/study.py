@@ -60,10 +60,10 @@ def numeric_axes(results: Results) -> list[str]:
 
 
 def pooled(results: Results, axes: Sequence[str], *by: str) -> pd.DataFrame:
-    """Return the scores, pooled over the seeds and over the swept settings outside `axes`.
+    """Return the scores, pooled over the seeds and over all swept settings not in `axes`.
 
-    If `axes` contains no estimator option, each setting of an estimator counts as a separate
-    estimator.
+    If `axes` contains no estimator option, the function treats each setting of an estimator as a
+    separate estimator.
     """
     option = any(is_option(axis, results.study["estimators"]) for axis in axes)
     rows = tables.flat(results.pooled(*by, "estimator" if option else "setting", *axes))
@@ -90,7 +90,7 @@ def _changed(results: Results, axes: Sequence[str]) -> pd.DataFrame:
 
 
 def over_axis(results: Results, axis: str, *measures: str) -> dict[str, Any]:
-    """Return options for `curves` to draw scores over a swept setting of a study.
+    """Return options for `curves` to plot scores against a swept setting of a study.
 
     The figure has one panel for each combination of score and parameter.
 

@@ -155,7 +155,7 @@ def assigned(names: Iterable[str]) -> dict[str, Style]:
 
 
 def style(estimator: str) -> Style:
-    """Return the style for an estimator name outside report pages."""
+    """Return the style of an estimator in a figure that is not part of a report page."""
     others = range(len(NINE), len(STYLES))
     return STYLES[_PLACES.get(_base(estimator), others[crc32(estimator.encode()) % len(others)])]
 

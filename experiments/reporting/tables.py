@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 SYMBOL = re.compile(r"(?<![\w-])([A-Za-zΔθσψεμλτ])_([A-Za-z0-9θ]{1,3})(?![A-Za-z0-9_-])")
-"""Regular expression for a symbol with a subscript, such as f_m, outside longer words."""
+"""Regular expression for a symbol with a subscript, such as f_m, but not inside longer words."""
 
 COLUMNS = {
     "lag": "lag [s]",

@@ -39,7 +39,7 @@ def as_text(*tables: Table) -> str:
 
 
 def _shown(table: Table) -> rich.table.Table:
-    """Convert a table to a rich table, with the name above the rows and the notes at the end."""
+    """Convert a table to a `rich` table, with the name at the top and the notes at the end."""
     shown = rich.table.Table(box=None, padding=(0, 1, 0, 0), title=table.name, title_justify="left",
                              caption="\n".join(table.notes), caption_justify="left")  # fmt: skip
     for head in table.heads:

@@ -110,7 +110,7 @@ def answer(summary: Row) -> tuple[str, list[str]]:
     wins, faults = matched.groupby("estimator")["leads"].sum(), matched["fault"].nunique()
     first = [name for name in order_of(summary) if wins.get(name) == wins.max() > 0]
     if not first or len(first) == len(near):
-        return f"The estimators do not differ significantly on {len(summary['seeds'])} seeds", []
+        return f"The estimators do not differ significantly over {len(summary['seeds'])} seeds", []
     where = f"in {wins.max()} of {faults} faults"
     names = dict.fromkeys([*first, *near.index.intersection([REFERENCE])])
     return _title(matched, first, where), [f"{takes(who, near[who])}." for who in names]

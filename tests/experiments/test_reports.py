@@ -62,8 +62,8 @@ def every(rows, **change):
     [
         (THREE, "glr tracks a fault 12 to 20 times faster than rpem-forgetting, at equal noise"),
         (THREE[:1], "The lag of glr is 1.2 times the Cramér–Rao bound"),
-        (every(THREE, leads=True), "The estimators do not differ significantly on 8 seeds"),
-        (every(THREE, leads=False), "The estimators do not differ significantly on 8 seeds"),
+        (every(THREE, leads=True), "The estimators do not differ significantly over 8 seeds"),
+        (every(THREE, leads=False), "The estimators do not differ significantly over 8 seeds"),
         (every(THREE, lag=None), "Every run of every estimator diverged"),
         ([], "test: no estimators were compared at equal noise"),
         ([matched("ekf", 0.5), matched("rpem-forgetting", 0.2, leads=True)],
