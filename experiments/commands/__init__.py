@@ -1,4 +1,4 @@
 """The commands. Each command reads its options, calls the Python interface and prints the result.
 
-The module `options` declares all options. The other modules contain the commands.
+The module `options` declares all options. All other modules in this package contain the commands.
 """

@@ -12,7 +12,7 @@ from flexaxis.sim.errors import FlexaxisError
 @command("names", "--base", "--candidate", "--seeds", "--max-seeds", "--margin",
          "--match-std", "--strict", "-o", "--jobs", "--overwrite", "--time-limit")  # fmt: skip
 def compare(args: Args) -> int:
-    r"""Test whether one estimator is better or worse than another, and set the exit status.
+    r"""Test whether one estimator is better or worse than another, and report a verdict.
 
     Both estimators run on the same records, and the command compares their scores for each seed. If
     you name the folders of two finished runs, the command compares the seeds that the two runs have
@@ -70,9 +70,10 @@ def tune(args: Args) -> int:
     prediction error, which combines all parameters in one number. The command tries at most 12
     values of the tuning parameter, from 1/1024 to 1024 times the default.
 
-    With --sweep, the command instead runs the estimators with several settings on a scenario with a
-    fault. With --sweep, the command prints the lag and noise for each setting, and draws a figure.
-    The command also prints the lag of each estimator at the noise level of the reference estimator.
+    With --sweep, the command does not tune the estimators, but runs each of them with several
+    settings on a scenario with a fault. With --sweep, the command prints the lag and noise for each
+    setting, and draws a figure. The command also prints the lag of each estimator at the noise
+    level of the reference estimator.
 
     example:
       flexaxis tune ekf
@@ -100,7 +101,7 @@ def check(args: Args) -> int:
 
     The rules concern array shapes, finite numbers, the agreement of `step` and `run`, causality,
     data gaps and other properties. For each broken rule, the command prints the reason for the rule
-    and a hint. The command executes the estimator code.
+    and suggests a correction. The command executes the estimator code.
 
     exit status: 0 all rules hold, 1 a rule is broken, 2 the estimator cannot be created, 70 the
     constructor of the estimator crashed

@@ -67,8 +67,8 @@ def demo(args: Args) -> int:
     Estimator A is the method of Östring and Gunnarsson, and estimator B is the recommended
     estimator. Press the button "motor friction f_m × 2". After a fault, the diagram on the right
     shows the estimation errors of A and B, and the theoretical lower limit of the error. You can
-    pause the axis, simulate single steps, change λ, Δ, μ, noise and dry friction, and choose other
-    estimators.
+    pause the axis, simulate single steps, and choose other estimators. You can also change the
+    forgetting factor λ, the drift Δ, the regularisation μ, the noise and the dry friction.
 
     The demo page needs no network, and opens only on this computer. The page docs/demo.md explains
     how to show the demo to a class.

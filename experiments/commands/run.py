@@ -75,8 +75,8 @@ def study(args: Args) -> int:
     immediately. If you repeat the command, the command skips finished cases, even if you have added
     estimators, seeds or values to the file. If a case fails, the command stores the error message.
     After a failed case, the exit status is 1, or 70 if the estimator code crashed. The command
-    executes the code of the estimators in the study file, so use only files that you trust. A dry
-    run executes no estimator code.
+    executes the code of the estimators in the study file, so use only files that you trust. With
+    --dry-run, the command executes no estimator code.
 
     example:
       flexaxis study docs/examples/friction_steps.toml --dry-run

@@ -216,12 +216,13 @@ def estimate(
 def score(
     record: Record | Estimate | str | Path, estimator: EstimatorLike = "rpem-forgetting"
 ) -> pd.DataFrame:
-    """Score the estimates from one record, with the same definitions as in `benchmark`.
+    """Score the estimates from one record, with the same score definitions as `benchmark`.
 
     Parameters
     ----------
     record : Estimate, Record, str or Path
-        Result of `estimate`, or a record. For a record, the function first runs the estimator.
+        Result of `estimate`, or a record. If you pass a record, the function first runs the
+        estimator on this record.
     estimator : str or class
         Estimator to run, in any form that the function `estimate` accepts. If `record` is an
         `Estimate`, the function ignores the argument `estimator`.

@@ -190,7 +190,7 @@ def study(definition: str | Path | dict[str, Any], *, folder: Place = None, **wo
     Raises
     ------
     StudyError
-        If the study definition is invalid. The message contains one line for each problem.
+        If the study definition is invalid. The error message lists all mistakes.
     """
     is_file = isinstance(definition, str | Path)
     planned = load_study(definition) if is_file else study_from(definition)  # type: ignore[arg-type]
@@ -264,7 +264,7 @@ def compare(
     base, candidate : str or class
         Estimators, as for `benchmark`.
     scenarios : str, Path, Scenario, or several of them
-        Scenarios for the comparison. The function skips scenarios that an estimator cannot handle.
+        Scenarios for the comparison. The function skips scenarios that either estimator rejects.
     seeds : int, str or iterable of int, optional
     **work
         The same options as for `benchmark`.

@@ -323,7 +323,7 @@ def shares(runs: pd.DataFrame, **options: Any) -> Figure:
     ----------
     runs : DataFrame
         Scores with one row per run, in the columns ``scenario, parameter, seed, estimator, lag,
-        lag_bound, over_bound, diverged``. The function ignores runs without a bound.
+        lag_bound, over_bound, diverged``. The function ignores runs without a Cramér–Rao bound.
     **options
         Options of `curves`.
     """
@@ -379,7 +379,7 @@ def verdict_intervals(rows: Sequence[Mapping[str, Any]], *, axes: Axes | None = 
     ----------
     rows : sequence of mapping
         Rows of a verdict from the output of `flexaxis compare --json`. The function ignores rows
-        without an interval.
+        without a confidence interval.
     axes : Axes, optional
         Matplotlib axes for the figure (default: axes of a new figure).
     """

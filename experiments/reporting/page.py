@@ -37,7 +37,8 @@ def render(template: str, *, looks: Looks, **content: Any) -> str:
     looks : mapping of str to Style
         Styles (from `styles.assigned`) of the estimators that readers can hide on the page.
     **content
-        Values of the template variables. Text is escaped. A missing variable raises an error.
+        Values of the template variables. Text is escaped. If a template variable is missing, the
+        function raises an error.
     """
     return TEMPLATES.get_template(template).render(styles=NINE, looks=looks, **content)
 

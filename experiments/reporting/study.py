@@ -1,4 +1,4 @@
-"""Write the report of a study, with curves, maps and a table of scores over swept settings."""
+"""Write the report of a study, with curves, maps and a table of scores for all swept settings."""
 
 from collections.abc import Iterator, Sequence
 from itertools import combinations

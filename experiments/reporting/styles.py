@@ -105,8 +105,8 @@ def look(estimator: str, looks: Mapping[str, Style]) -> dict[str, Any]:
     estimator : str
         Name of the estimator.
     looks : mapping of str to Style
-        Styles from the function `assigned`. For other estimators, the function `style` determines
-        the style.
+        Styles that the function `assigned` has returned. For estimators that are not in `looks`,
+        the function `style` determines the style.
     """
     own = looks.get(estimator) or style(estimator)
     # matplotlib multiplies the lengths by the line width of 1.5

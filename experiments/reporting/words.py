@@ -136,7 +136,7 @@ def warning(rows: Sequence[Row], scenarios: Mapping[str, Row]) -> tuple[str, str
     Parameters
     ----------
     rows : sequence of mapping
-        Pooled scores with default settings.
+        Pooled scores of estimators with default settings.
     scenarios : mapping of str to mapping
         Entries of summary.json with the `definition` of each scenario, keyed by scenario name.
 
