@@ -81,7 +81,8 @@ def write(rows: pd.DataFrame, seeds: str) -> None:
     Each table replaces the lines between two marker comments in docs/results.md.
     """
     text = PAGE.read_text(encoding="utf-8")
-    below = f"\n*`python docs/results.py --seeds {seeds}`, flexaxis {version('flexaxis')}.*\n"
+    command = f"python docs/results.py --seeds {seeds}"
+    below = f"\n*Measured with `{command}` and flexaxis {version('flexaxis')}.*\n"
     for name, part in rows.groupby("table"):
         text = re.sub(rf"(<!-- table: {name} -->\n).*?(<!-- end -->)",
                       lambda m, part=part: m[1] + table(part) + below + m[2],

@@ -98,7 +98,7 @@ def write(name, rows, command):
     """Insert a table between the markers with the table name in docs/speed.md."""
     text = PAGE.read_text(encoding="utf-8")
     table = "".join(f"| {' | '.join(row)} |\n" for row in rows)
-    below = f"\n*`{command}`, flexaxis {version('flexaxis')}.*\n"
+    below = f"\n*Measured with `{command}` and flexaxis {version('flexaxis')}.*\n"
     text = re.sub(rf"(<!-- table: {name} -->\n).*?(<!-- end -->)",
                   lambda m: m[1] + table + below + m[2], text, flags=re.DOTALL)  # fmt: skip
     PAGE.write_text(text, encoding="utf-8")

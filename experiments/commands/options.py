@@ -166,10 +166,10 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
                          "tests (default: 1).", {"type": float, "default": 1.0}),
     "--delay S": ("Known torque delay [s] (default: identify the delay from the log).", NUMBER),
     "--friction LAW": (
-        "Dry friction model of the motor, which is none, coulomb or stribeck (default: auto, which "
+        "Dry friction model of the motor: none, coulomb or stribeck (default: auto, which "
         "chooses the model that best simulates held-out segments of the log).", {"default": "auto"},
     ),
-    "--gravity LAW": ("Gravity model, which is none, or sine for a sum of sine and cosine of the "
+    "--gravity LAW": ("Gravity model: none, or sine for a sum of the sine and cosine of the "
                       "angle (default: auto, which chooses sine if the log contains gravity).",
                       {"default": "auto"}),
     "--validate OTHER": ("Second log, on which the command tests the identified model (default: no "

@@ -144,7 +144,7 @@ def rerun(args: Args) -> int:
     """
     rows = fx.load(args.folder).rerun(args.sample, **work(args))
     worst = rows.loc[rows["difference"].idxmax()].to_dict()
-    text = "{difference:.1g} ({score} of {parameter}, {estimator} on {scenario}, seed {seed})"
+    text = "{difference:.1g} ({score} of {parameter} for {estimator} on {scenario}, seed {seed})"
     words = f"{len(rows)} rows compared: the largest relative difference is {text.format(**worst)}."
     status = int(worst["difference"] > 1e-6)  # rounding differs between computers
     return answer(args, {"rows": rows.to_dict("records"), "worst": worst}, status, words)
