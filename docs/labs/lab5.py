@@ -25,7 +25,7 @@ truth = axis.parametrize(names).theta * [1, 1, 1.5]
 # Question 1: by what factor does P grow?
 # Question 2: at which value does equation (12) stop the growth of P?
 def run(mu):
-    """Return the largest eigenvalue of P (N,), and the ratios of estimate to true value (N, 3)."""
+    """Return the largest eigenvalue of P per sample (N,), and estimates / true values (N, 3)."""
     rpem = Rpem(
         axis,
         P0=known_P(names, forgetting=FORGETTING),

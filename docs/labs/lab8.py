@@ -55,8 +55,8 @@ axis.legend()
 told = rows["f_m"]["recovered_told"].iloc[0]
 least = min(worths[p][:-1].min() - worths[p][-1] for p in scenarios)
 print(
-    f"check: the true values recover {told:.0f} % of the loss, and the slowest estimator recovers "
-    f"at least {least:.0f} % less than the others"
+    f"check: the true values recover {told:.0f} % of the lost accuracy, and the slowest estimator "
+    f"recovers at least {least:.0f} % less than the others"
 )
 assert told > 90
 assert least > 0

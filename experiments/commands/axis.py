@@ -52,10 +52,10 @@ def identify(args: Args) -> int:
     """Identify the parameters of your axis from a log, a record, or a folder of logs.
 
     The command adds dry friction, gravity and similar effects to the model if these effects improve
-    the simulation of held-out log segments. The log of a single axis determines the other
-    parameters only relative to k_T. Therefore the command does not identify k_T and the gear ratio
-    r, unless you use --free. The exit status is 1 if the estimates are less accurate than their
-    standard deviations indicate, else 0.
+    the simulation of held-out log segments. The log of a single axis determines all parameters only
+    relative to k_T. Therefore the command does not identify k_T and the gear ratio r, unless you
+    use --free. The exit status is 1 if the estimates are less accurate than their standard
+    deviations indicate, else 0.
 
     For a folder, the command reads all logs in the order of their names, and writes a CSV file with
     one row of estimates per log. The report shows the effects of covariates, and all parameter

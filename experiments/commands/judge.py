@@ -15,8 +15,8 @@ def compare(args: Args) -> int:
     r"""Test whether one estimator is better or worse than another, and report a verdict.
 
     Both estimators run on the same records, and the command compares their scores for each seed. If
-    you name the folders of two finished runs, the command compares the seeds that the two runs have
-    in common. The two runs must have the same scenarios and versions. The page docs/gate.md
+    you name the folders of two finished runs, the command compares the scores for all seeds that
+    both runs contain. The two runs must have the same scenarios and versions. The page docs/gate.md
     explains the statistics.
 
     With --match-std, the command tunes both estimators to the noise of rpem-forgetting, and

@@ -43,7 +43,8 @@ class LogResult:
     write : callable
         Function that writes the record, axis, estimates or table to the given path.
     status : int
-        Exit status of the corresponding command, which is 1 if the command reports a finding.
+        Exit status of the corresponding command, which is 1 if the command reports a finding, such
+        as a changed parameter.
     record : Record or None
         The record that was read from the log.
     axis : Axis or None

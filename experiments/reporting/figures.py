@@ -48,7 +48,7 @@ class Series:
     label : str
         Label in the legend (default: the name of the estimator).
     role : {"", "truth", "bound", "data"}
-        Type of the series: empty for an estimator, or a true value, a bound, or other data.
+        Type of the data: an empty text for an estimator, or a true value, a bound or other data.
     kind : {"line", "steps", "points", "both"}
         Drawing type, which is a line, a staircase line, points, or points joined by a line.
     """
@@ -270,7 +270,7 @@ def speed_noise(swept: pd.DataFrame, faults: Mapping[str, str], *, looks: Looks 
         own = own.assign(x=own["std"] / usual["std"].median())
         panels[f"{text}\nlag [s]"] = lines(own, "x", "lag")
     x = f"noise before the fault, relative to {REFERENCE}"
-    marks = [(1.0, "noise level of the lag table")]
+    marks = [(1.0, "noise level used in the table")]
     return curves(panels, x=x, logs=[x, *panels], marks=marks, looks=looks)
 
 
