@@ -76,8 +76,8 @@ class Results(engine.Results):
         Returns
         -------
         table : DataFrame
-            Table with one row per run and parameter, whose columns
-            `flexaxis.experiments.running.run.rerun` describes.
+            Table with one row per run and parameter. The function
+            `flexaxis.experiments.running.run.rerun` describes the columns.
         """
         with studies.working(**work) as runner:
             return rerun(self, runner, sample)

@@ -194,7 +194,7 @@ def over_bound(
     faults : mapping of str to str
         Descriptions of the faults, keyed by fault name.
     looks : mapping of str to Style
-        Styles of the estimators, keyed by estimator.
+        Styles of the estimators, keyed by estimator name.
     """
     (ax,), known = new(44 * len(order) + 95), list(faults)
     for row in matched[matched["lag"] > 0].to_dict("records"):
@@ -261,7 +261,7 @@ def speed_noise(swept: pd.DataFrame, faults: Mapping[str, str], *, looks: Looks 
     faults : mapping of str to str
         Descriptions of the faults, keyed by fault name. The figure has one panel for each fault.
     looks : mapping of str to Style
-        Styles of the estimators, keyed by estimator.
+        Styles of the estimators, keyed by estimator name.
     """
     panels = {}
     for fault, text in faults.items():
@@ -378,8 +378,8 @@ def verdict_intervals(rows: Sequence[Mapping[str, Any]], *, axes: Axes | None = 
     Parameters
     ----------
     rows : sequence of mapping
-        Rows of a verdict from the output of `flexaxis compare --json`. The function ignores rows
-        without a confidence interval.
+        Score rows of a comparison, from the output of `flexaxis compare --json`. The function
+        ignores rows without a confidence interval.
     axes : Axes, optional
         Matplotlib axes for the figure (default: axes of a new figure).
     """
