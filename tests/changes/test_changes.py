@@ -72,7 +72,7 @@ def test_excitation(flexaxis):
 def test_sensor(flexaxis):
     card = scenario(flexaxis, "offset", f"offset.speed = 5.0\n{STEP}")
     words = "speed read 5 rad/s too high"
-    assert f"# unmodelled: {words}\n" in card and "# bound: no bound" in card
+    assert f"# unmodelled: {words}\n" in card and "# bound: no score" in card
     page, rows = ran(flexaxis, "offset.toml")
     assert words in page and not rows["f_m"]["lag_bound"]
     record = simulated(flexaxis, "offset")
@@ -96,7 +96,7 @@ def test_nonlinearity(flexaxis):
     moves = '[excitation]\nkind = "moves"\ndwell = 3.5\n'
     card = scenario(flexaxis, "spring", f"spring.stiffness = 0.05\n{STEP}\n{moves}")
     words = "return spring of 0.05 N m/rad"
-    assert f"# unmodelled: {words}\n" in card and "# bound: no bound" in card
+    assert f"# unmodelled: {words}\n" in card and "# bound: no score" in card
     page, rows = ran(flexaxis, "spring.toml")
     assert words in page and float(rows["f_m"]["lag"]) == pytest.approx(4.0)
     record = simulated(flexaxis, "spring")
