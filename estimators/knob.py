@@ -32,11 +32,11 @@ class Knob:
     name : str
         Name of the option that serves as tuning parameter.
     transform : {"", "1-", "1/"}
-        Name of the function that converts between option value and position.
+        Name of the function that converts an option value to a tuning position and back.
     usual : float
-        Position that corresponds to the default value of the option.
+        Tuning position that corresponds to the default value of the option.
     least, most : float
-        Lowest and highest allowed position.
+        Lowest and highest allowed tuning position.
     """
 
     name: str
@@ -46,17 +46,17 @@ class Knob:
     most: float
 
     def at(self, position: float) -> dict[str, float] | None:
-        """Return option name and value at a position, or None if the position is out of range."""
+        """Return option name and value at a tuning position, or None if it is out of range."""
         if not self.least <= position <= self.most:
             return None
         return {self.name: self.value(position)}
 
     def value(self, position: float) -> float:
-        """Return the option value that corresponds to a position."""
+        """Return the option value that corresponds to a tuning position."""
         return TRANSFORMS[self.transform](position)
 
     position = value
-    """Return the position of an option value, with the same formula as `value`."""
+    """Return the tuning position of an option value, with the same formula as `value`."""
 
 
 def make_knob(declared: Any, defaults: Mapping[str, Any]) -> Knob:
@@ -66,10 +66,11 @@ def make_knob(declared: Any, defaults: Mapping[str, Any]) -> Knob:
     Parameters
     ----------
     declared : str
-        Declaration of the tuning parameter. ``"gain"`` declares an option whose larger values make
-        the estimates faster. ``"1-lam"`` declares a forgetting factor λ with the position 1−λ.
-        ``"1/window"`` declares an option whose larger values make the estimates slower. A name
-        alone also declares a forgetting factor if the default of the option lies in [0.9, 1).
+        Declaration of the tuning parameter. The declaration ``"gain"`` denotes an option whose
+        larger values make the estimates faster. The declaration ``"1-lam"`` denotes a forgetting
+        factor λ, whose tuning position is 1−λ. The declaration ``"1/window"`` denotes an option
+        whose larger values make the estimates slower. A declaration without prefix also denotes a
+        forgetting factor if the default of the option lies in [0.9, 1).
     defaults : mapping
         Names and default values of the estimator options.
 
@@ -87,13 +88,14 @@ def make_knob(declared: Any, defaults: Mapping[str, Any]) -> Knob:
     read = re.fullmatch(r"(1-|1/)?\s*(\w+)", str(declared).strip())
     if read is None:
         raise EstimatorError(
-            f'its `knob` is {declared!r}, but needs a form like "gain", "1-lam" or "1/window"'
+            f"the attribute `knob` is {declared!r}, but needs a form "
+            'like "gain", "1-lam" or "1/window"'
         )
     transform, name = read[1] or "", read[2]
     value = defaults.get(name)
     if isinstance(value, bool) or not isinstance(value, int | float) or not value > 0:
         raise EstimatorError(
-            f"its `knob` {name!r} is not an option with a positive number as default: "
+            f"the attribute `knob` names {name!r}, which is not an option with a positive default: "
             + did_you_mean(name, [n for n, v in defaults.items() if isinstance(v, int | float)])
         )
     if not transform and FORGETS <= value < 1:
@@ -104,7 +106,7 @@ def make_knob(declared: Any, defaults: Mapping[str, Any]) -> Knob:
         most = min(most, math.nextafter(1.0, 0.0))
         if not 0 < usual < 1:
             raise EstimatorError(
-                f"the option in its `knob` {declared!r} needs a default between 0 and 1"
+                f"the option in the attribute `knob`, {declared!r}, needs a default between 0 and 1"
             )
     return Knob(name, transform, usual, usual / FARTHEST, most)
 
@@ -116,14 +118,15 @@ def tunings() -> Mapping[str, Mapping[str, Any]]:
 
     Each tuned setting is a table with several keys. The keys ``estimator``, ``knob`` and ``value``
     name the estimator, the tuned option and its value. The key ``setting`` contains the tuned
-    setting in the format of the option ``--estimator``. The key ``match`` names the noise measure
-    that was matched to `rpem-forgetting` with λ = 0.995. The value of ``match`` is "excess" for the
-    excess prediction error, or the name of the parameter whose standard deviation was matched. The
-    key ``ratio`` contains the matched noise divided by the noise of `rpem-forgetting`, or the
-    square root of this ratio for the excess prediction error. The key ``command`` contains the
-    command that determined the setting. The keys ``model`` (``"n1"``, the nominal axis),
-    ``identify``, ``period`` [s] and ``noise`` (standard deviation of the noise in y [rad/s])
-    describe the tuning conditions. The program uses a tuned setting at every noise level.
+    setting in the format of the option ``--estimator``. The tuning matched one noise measure, named
+    by the key ``match``, to that of the estimator `rpem-forgetting` with λ = 0.995. If ``match`` is
+    "excess", the noise measure is the excess prediction error; otherwise ``match`` is the name of
+    the parameter whose standard deviation was matched. The key ``ratio`` contains the matched noise
+    measure divided by that of `rpem-forgetting`. If the noise measure is the excess prediction
+    error, ``ratio`` is the square root of the quotient. The key ``command`` contains the command
+    that determined the setting. The keys ``model`` (``"n1"``, the nominal axis), ``identify``,
+    ``period`` [s] and ``noise`` (standard deviation of the noise in y [rad/s]) describe the tuning
+    conditions. The program uses a tuned setting at every noise level.
     """
     text = files("flexaxis.estimators").joinpath("tuned.toml").read_text(encoding="utf-8")
     return {table["estimator"]: table for table in tomllib.loads(text)["tuned"]}

@@ -41,7 +41,8 @@ class Problem:
     Parameters
     ----------
     nominal : mapping of str to float, or Model
-        Nominal parameter values of the paper's axis, including data-sheet values, or an axis model.
+        Either nominal parameter values of the three-mass axis, including data-sheet values, or an
+        axis model.
     period : float
         Sampling period [s].
     identify : sequence of str
@@ -51,8 +52,9 @@ class Problem:
     P0 : (p,) or (p, p) array_like, optional
         Initial matrix P(0) or the diagonal of P(0).
     torque : (N,) array_like, optional
-        Motor torque of a nominal motion [N m], from which the paper's recipe computes P(0). The
-        torque also determines the expected magnitude of friction.
+        Motor torque of a nominal motion [N m], from which
+        `flexaxis.estimators.offline.priors.nominal_P` computes P(0). The torque also determines the
+        expected magnitude of friction.
     noise : float, optional
         Standard deviation of the noise in y, in the unit of y.
     bounds : (lower, upper), optional
@@ -61,7 +63,7 @@ class Problem:
     Attributes
     ----------
     model : Model
-        Axis model passed as ``nominal``, or the linear model of the paper's axis.
+        Axis model passed as ``nominal``, or the linear model of the three-mass axis.
 
     Raises
     ------
@@ -102,7 +104,7 @@ class Problem:
         return self.model.parametrize(self.identify).theta
 
     def tuned(self, name: str) -> float | None:
-        """Return an estimator's tuned option value for the axis, or None without tuning."""
+        """Return an estimator's tuned option value, or None if it is not tuned for the axis."""
         tuned = tunings().get(name)
         if (
             tuned
@@ -114,7 +116,7 @@ class Problem:
         return None
 
     def factor(self, name: str, forgetting: float | None) -> float:
-        """Return the specified, tuned or default λ; warn if λ is too small for the axis."""
+        """Return the specified, tuned or default forgetting factor; warn if it is too small."""
         usual = self.tuned(name) if forgetting is None else forgetting
         weight = forgetting_factor(usual, self.period)
         rates = np.abs(moving_poles(self.model).real)
@@ -133,16 +135,16 @@ class Problem:
         """
         Return P(0).
 
-        If the attribute ``P0`` is set, the method returns ``P0``. Otherwise the paper's recipe
-        computes P(0) from the torque of a nominal motion. If no torque is given, the method returns
-        the stored P(0) of the nominal axis.
+        If the attribute ``P0`` is set, the method returns ``P0``. Otherwise
+        `flexaxis.estimators.offline.priors.nominal_P` computes P(0) from the torque of a nominal
+        motion. If no torque is given, the method returns the stored P(0) of the nominal axis.
 
         Parameters
         ----------
         scale : float
             Factor that multiplies the covariance Δ of equation (32).
         **time_update : float or array_like
-            Option ``forgetting`` or ``drift`` of the paper's recipe.
+            Option ``forgetting`` or ``drift`` of `flexaxis.estimators.offline.priors.nominal_P`.
         """
         from flexaxis.estimators.offline import priors
 
@@ -172,7 +174,7 @@ class Problem:
         )
 
     def forgetting_options(self, name: str, forgetting: float | None) -> dict[str, Any]:
-        """Return the options in `asked`, λ and P(0) for a method with a forgetting factor."""
+        """Return the options in `asked`, the forgetting factor λ, and P(0)."""
         weight = self.factor(name, forgetting)
         return self.asked | {"forgetting": weight, "P0": self.initial_P(forgetting=weight)}
 

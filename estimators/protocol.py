@@ -26,11 +26,11 @@ class Estimator(Protocol):
 
     An estimator can have further methods and attributes. The method ``run(u, y, valid=None) -> (N,
     p)`` is a faster equivalent of N steps. The method ``reset()`` restores the initial state. The
-    attribute ``covariance`` (p, p) is the claimed covariance. The attribute ``innovations`` (N, 2)
-    contains the innovation y − ŷ and its claimed variance for each sample of the last ``run``, or
-    NaN where y was missing. The attribute ``alarm`` (bool) reports a change in the last sample. The
-    attribute ``findings`` is a sequence of objects with ``alarm`` (sample index) and ``parameters``
-    (names of the changed parameters).
+    attribute ``covariance`` (p, p) is the claimed covariance of the estimate. The attribute
+    ``innovations`` (N, 2) contains the innovation y − ŷ and its claimed variance for each sample of
+    the last ``run``, or NaN where y was missing. The attribute ``alarm`` (bool) is True if the
+    estimator detected a change in the last sample. The attribute ``findings`` is a sequence of
+    objects with ``alarm`` (sample index) and ``parameters`` (names of the changed parameters).
 
     Attributes
     ----------
@@ -65,13 +65,13 @@ class Finding:
         Names of the changed parameters, or an empty tuple if the estimator cannot attribute the
         change to a parameter.
     ratio : tuple of float
-        For each changed parameter, the new value divided by the old value. The ratio is NaN if the
-        old value does not differ clearly from zero.
+        For each changed parameter, the new value divided by the old value. The ratio of new to old
+        value is NaN if the old value does not differ clearly from zero.
     reason : str
         Reason why ``parameters`` is empty, or an empty string if ``parameters`` is not empty.
     interval : tuple of (float, float)
-        95 % confidence interval of each ratio, or an empty tuple if the estimator claims no
-        interval.
+        95 % confidence interval of each ratio of new to old value, or an empty tuple if the
+        estimator claims no interval.
     """
 
     alarm: int

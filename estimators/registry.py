@@ -63,10 +63,11 @@ class Entry:
         Function that constructs the estimator from nominal values, period and options.
 
         The signature is ``factory(nominal, period, *, identify, output, P0, torque, noise, bounds,
-        <options>)``. The argument ``nominal`` maps the physical parameters of the paper's axis to
-        values, or is a model with its own nominal values. The nominal values determine θ(0). The
-        argument ``P0`` is the initial matrix P(0), which methods without P(0) ignore. By default,
-        the paper's recipe computes P(0) from ``torque``, the motor torque (N,) of a nominal motion.
+        <options>)``. The argument ``nominal`` is either a mapping from the physical parameters of
+        the three-mass axis to values, or a model with its own nominal values. The nominal values
+        determine θ(0). The argument ``P0`` is the initial matrix P(0), which methods without P(0)
+        ignore. By default, `flexaxis.estimators.offline.priors.nominal_P` computes P(0) from the
+        argument ``torque``, the motor torque (N,) of a nominal motion.
         """
         own = [*inspect.signature(self.make).parameters.values()][1:]
         every = inspect.signature(Problem).parameters

@@ -175,7 +175,7 @@ def check_signals(
             )
         if len(values) != len(u):
             raise EstimatorError(
-                f"u has {len(u)} samples and {name} has {len(values)}; the numbers must be equal"
+                f"u has {len(u)} samples and {name} has {len(values)}; the lengths must be equal"
             )
         finite = np.isfinite(values)
         if not finite.all():

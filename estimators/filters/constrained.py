@@ -4,19 +4,21 @@ Parameter estimates that are shrunk towards nominal values unless the data contr
 Each additional parameter that a filter estimates increases the variance of all other estimates,
 even if the nominal value of the additional parameter is correct. Let μ and Σ be the mean and
 covariance of all parameters, let s₀ be the nominal values of a parameter group s, and let χ² = (μ_s
-− s₀)ᵀ Σ_ss⁻¹ (μ_s − s₀). The conditional estimate of the parameters for s = s₀ is μ + Σ_·s Σ_ss⁻¹
-(s₀ − μ_s). The shrunk estimate is a weighted mean of μ and the conditional estimate. The following
-formula gives the weight w of the conditional estimate:
+− s₀)ᵀ Σ_ss⁻¹ (μ_s − s₀). If the nominal values s₀ are exact, the conditional estimate of all
+parameters is μ + Σ_·s Σ_ss⁻¹ (s₀ − μ_s). The shrunk estimate is a weighted mean of the filter's
+estimate μ and the conditional estimate given s₀. The following formula gives the weight w of the
+conditional estimate:
 
     w = 1/(1 + exp(½(χ² − c))),
 
 The constant c is the 95 % quantile of the χ² distribution for the number of parameters in the
-group. If c were twice the number of parameters, w would be the Akaike weight in section 2.9 of
-*Model selection and multimodel inference* (Burnham and Anderson, 2002). A wrong nominal value
-shifts an estimate by at most about √c standard deviations. Bayes factors would retain a wrong
-nominal value far longer. The parameter groups are processed one after the other. The shrinkage does
-not change the filter state. As in any mixture, each group adds w(1 − w) d dᵀ to the covariance,
-where d is the difference between μ and the conditional estimate.
+group. If the constant c were twice the number of parameters, the weight w would be the Akaike
+weight in section 2.9 of *Model selection and multimodel inference* (Burnham and Anderson, 2002). A
+wrong nominal value shifts an estimate by at most about √c standard deviations, where c is the 95 %
+quantile. If the weights were Bayes factors, the estimates would remain near a wrong nominal value
+for far longer. The shrinkage is applied to one parameter group after the other. The shrinkage does
+not change the filter state. Each parameter group adds w(1 − w) d dᵀ to the covariance, where w is
+the weight of the conditional estimate and d is its difference from the filter's estimate μ.
 """
 
 from collections.abc import Sequence
@@ -49,14 +51,14 @@ class Told(NamedTuple):
     drawn : (u,) array
         Parameter estimates after shrinkage towards the nominal values.
     mean, column : (u,) arrays
-        Conditional estimate of the current parameter group, and column of P of the current
-        parameter.
+        Estimate given the nominal values of the group being processed, and the column of P that
+        belongs to the parameter being processed.
     drawn_P, drawn_between : (u, u) arrays
-        Weighted mean of the covariances of μ and of the conditional estimate, and the covariance
-        due to the difference between μ and the conditional estimate. The sum is the covariance of
-        ``drawn``.
+        Weighted mean of the covariances of the filter's estimate and of the conditional estimate,
+        and the covariance due to the difference between the two estimates. The sum of ``drawn_P``
+        and ``drawn_between`` is the covariance of ``drawn``.
     P : (u, u) array
-        Covariance of the conditional estimate of the current parameter group.
+        Covariance of the estimate given the nominal values of the group being processed.
     """
 
     union: Indices
@@ -106,10 +108,10 @@ def told_arrays(
 @inlined
 def draw_estimates(told, P, theta, estimates):
     """
-    Shrink the filter's estimates towards nominal values, and write ``estimates`` (q,).
+    Shrink the filter's estimates towards nominal values, and write the result to `estimates` (q,).
 
-    θ (p,) and P are the estimates and the covariance of the filter, which do not use the nominal
-    values. The covariance of the shrunk estimates is ``drawn_P + drawn_between``.
+    The arguments θ (p,) and P are the filter's estimates and covariance before the shrinkage. The
+    covariance of the shrunk estimates is ``drawn_P + drawn_between``.
     """
     union, drawn, drawn_P = told.union, told.drawn, told.drawn_P
     for a in range(len(union)):
@@ -128,9 +130,9 @@ def _draw(told, g):
     """
     Shrink the estimates towards the nominal values of one parameter group.
 
-    The conditional estimate is computed by treating each nominal value in turn as a noise-free
-    measurement. The function skips a parameter with zero conditional variance, because the previous
-    nominal values already determine this parameter.
+    To compute the estimate given the nominal values, the function treats each nominal value in turn
+    as a noise-free measurement. The function skips a parameter with zero conditional variance,
+    because the previous nominal values already determine this parameter.
     """
     drawn, P, between = told.drawn, told.drawn_P, told.drawn_between
     mean, C, column = told.mean, told.P, told.column

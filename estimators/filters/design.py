@@ -30,9 +30,11 @@ class Design:
     Attributes
     ----------
     model : Parametrization
-        Model of the axis as a function of η, with the selected output signal.
+        Model of the axis as a function of the relative parameters η, with the selected output
+        signal.
     scale : (p,) array
-        Ratio θ/η, which is θ(0) unless the option ``scale`` of `make_design` is given.
+        Ratio of the parameters θ to the relative parameters η. The ratio θ/η is θ(0) unless the
+        option ``scale`` of `make_design` is given.
     output : str
         Name of the output signal y, as listed in `flexaxis.estimators.signals.SIGNALS`.
     period : float
@@ -40,22 +42,23 @@ class Design:
     theta0 : (p,) array
         Initial estimate η(0).
     P0 : (p, p) array
-        Initial covariance P(0) of η for a noise variance of one.
+        Initial covariance P(0) of the relative parameters η for a noise variance of one.
     forgetting : float
-        Forgetting factor λ of equation (9), or 1 if the drift covariance Δ of equation (10) is
-        used.
+        Forgetting factor λ of equation (9), or 1 if the filter uses a drift covariance instead.
     drift : (p, p) array
-        Drift covariance Δ of equation (10) for η, or zero if λ of equation (9) is used.
+        Drift covariance Δ of equation (10) for the relative parameters η, or zero if the filter
+        uses a forgetting factor instead.
     regularization : (p,) array
-        Diagonal of the regularisation matrix μ I in equations (11) and (12), for η.
+        Diagonal of the regularisation matrix in equations (11) and (12), for the relative
+        parameters η.
     lower, upper : (p,) arrays
-        Lower and upper bounds of η.
+        Lower and upper bounds of the relative parameters η.
     noise : float
         Standard deviation of the noise in y, in the unit of y, or 0 if the filter has to estimate
         the noise.
     x0_covariance : (n, n) array
-        Covariance of the n states at the first sample, without friction and other extra torques.
-        The initial states have zero mean.
+        Covariance of the n states at the first sample, without the states of friction and other
+        torque laws. The initial states have zero mean.
     differences : bool
         Whether the filter converts angle readings to angle increments.
     """
@@ -201,7 +204,9 @@ def forgetting_factor(forgetting: object, period: float) -> float:
 def _weights(regularization: ArrayLike, p: int) -> Array:
     weights = _as_numbers("regularization", regularization) * np.ones(p)
     if not np.all(np.isfinite(weights) & (weights >= 0)):
-        raise EstimatorError(f"regularization is {regularization!r}, but μ must be finite and ≥ 0")
+        raise EstimatorError(
+            f"regularization is {regularization!r}, but the weight μ must be finite and ≥ 0"
+        )
     return weights
 
 

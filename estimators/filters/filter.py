@@ -150,16 +150,18 @@ class CompiledFilter(RecursiveEstimator):
     ----------
     loop : callable
         Function ``loop(block, at, u, y, valid, estimates, trace, laws)`` that processes samples.
-        The function writes η to ``estimates`` (N, p). The columns of ``trace`` (N, 3) receive ŷ,
-        the innovation and the innovation variance. The argument ``laws`` is None for a linear
-        model. The function returns the number of processed samples. A negative return value
-        requests a filter reset (`flexaxis.estimators.filters.fault_monitor`).
+        The function ``loop`` writes the relative parameters η after each sample to ``estimates``
+        (N, p). The columns of ``trace`` (N, 3) receive ŷ, the innovation and the innovation
+        variance. The argument ``laws`` is None for a linear model. The function ``loop`` returns
+        the number of processed samples. If the function ``loop`` returns a negative number, the
+        filter is reset (`flexaxis.estimators.filters.fault_monitor`).
     start : Memory
         State of the filter before the first sample.
     design : Design
         Filter options, including parameter names, output signal, scale and bounds.
     read : callable
-        Function ``read(state)`` that returns η and its claimed covariance.
+        Function ``read(state)`` that returns the relative parameters η and their claimed
+        covariance.
 
     Attributes
     ----------

@@ -1,5 +1,5 @@
 """
-Forgetting rules, which are the paper's equations (9), (10) and (12) or other updates of P.
+Forgetting rules, which are equations (9), (10) and (12), or other updates of the matrix P.
 
 `forget` selects the forgetting rule by its number. The docstrings in `flexaxis.estimators.methods`
 cite the literature on the forgetting rules.

@@ -119,8 +119,9 @@ def mix(modes):
 
     Mixing two modes at a time gives the same result as mixing all modes at once. A jump mode
     continues from a mixture of itself and the quiet mode. The quiet mode continues from a mixture
-    of all modes. The transition probability Π_0j is the same for all jump modes j, and Π_j0 = 1 −
-    Π_jj.
+    of all modes. The probability Π_0j of a transition from the quiet mode 0 to a jump mode j is the
+    same for all jump modes. A jump mode j can only persist or return to the quiet mode, so Π_j0 = 1
+    − Π_jj.
     """
     now, count = modes.now, len(modes.now)
     quiet = now[0]

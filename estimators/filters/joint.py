@@ -2,10 +2,11 @@
 An extended Kalman filter that jointly estimates the state and the parameters.
 
 The filter models θ as constant during a sampling period, whereas the state x changes. Small
-deviations of ξ = [θ; x] follow ξ⁺ = F ξ, where F = [I 0; G]. The time update therefore adds only W
-to the θ block of P. The rows of X contain G = ∂x⁺/∂ξ and h = ∂y⁺/∂ξ, the derivatives with respect
-to ξ at the previous sample. The time update of P is postponed until the measurement update, so that
-one matrix product yields both G P and P h.
+deviations of the extended state ξ = [θ; x] follow ξ⁺ = F ξ with the transition matrix F = [I 0; G].
+The time update therefore adds only the drift covariance W to the θ block of P. The rows of X
+contain G = ∂x⁺/∂ξ and h = ∂y⁺/∂ξ, the derivatives with respect to ξ at the previous sample. The
+time update of P is postponed until the measurement update, so that one matrix product yields both G
+P and P h.
 """
 
 from typing import Annotated, NamedTuple
@@ -42,7 +43,8 @@ class Joint(NamedTuple):
     P : (m, w) array
         Covariance of ξ, with rows padded with zeros.
     G, GP : (n+1, m), (n+1, w) arrays
-        The derivative ∂[x⁺; y⁺]/∂ξ, and the product of ∂[x⁺; y⁺]/∂ξ and P.
+        Derivatives of the predicted states and output with respect to ξ, and the product of the
+        derivatives and P.
     gain : (m,) array
         Gain K, multiplied by √S.
     ceiling : (p,) array
@@ -105,7 +107,7 @@ def predict(state, u, laws):
 
 @fused
 def look(state):
-    """Compute hᵀPh, G and G P, where h and hᵀP are the last rows of the arrays for G and G P."""
+    """Copy the derivatives [G; hᵀ] from X to ``G``, and compute [G; hᵀ] P and hᵀPh."""
     X, G, GP = state.X, state.G, state.GP
     n, m = len(G) - 1, G.shape[1]
     for i in range(n + 1):

@@ -1,27 +1,28 @@
 """
 The noise variance R of y, which the user specifies or the filter estimates.
 
-The innovation e = y − ŷ has the variance S = hᵀPh + R. One step of expectation-maximisation maps R
-to hᵀPh R/S + e² R²/S². The filter averages hᵀPh R/S + e² R²/S² over time to estimate R. The
-estimate of R is a recursive form of the method in *An approach to time series smoothing and
-forecasting using the EM algorithm* (Shumway and Stoffer, 1982). A sample contains little
-information about R if the uncertainty of ξ dominates S.
+The innovation e = y − ŷ has the variance S = hᵀPh + R. One step of the expectation-maximisation
+algorithm replaces R by hᵀPh R/S + e² R²/S². The filter averages hᵀPh R/S + e² R²/S² over time to
+estimate R. The estimate of R is a recursive form of the method in *An approach to time series
+smoothing and forecasting using the EM algorithm* (Shumway and Stoffer, 1982). A sample contains
+little information about the noise variance R if the uncertainty of ξ dominates the innovation
+variance S.
 
 A parameter change also increases the squared innovation e². The effect of a parameter change on e
-is smooth, so the third difference of e almost removes the effect. A second mean therefore uses
-(e[k] − 3e[k−1] + 3e[k−2] − e[k−3])²/20 instead of e². The idea of using differences comes from
-*Residual variance and residual pattern in nonlinear regression* (Gasser, Sroka and
-Jennen-Steinmetz, 1986). R is the smaller of the mean of e² and the mean of the squared third
-difference. If the mean of e² and the mean of the squared third difference differ strongly, the
-filter adapts R more slowly.
+is smooth, so the third difference of e almost removes the effect. A second running mean therefore
+uses the squared third difference (e[k] − 3e[k−1] + 3e[k−2] − e[k−3])²/20 instead of e². The idea of
+using differences comes from *Residual variance and residual pattern in nonlinear regression*
+(Gasser, Sroka and Jennen-Steinmetz, 1986). The estimate of R is the smaller of two running means:
+the mean of e² and the mean of the squared third difference. If the mean of e² and the mean of the
+squared third difference differ strongly, the filter adapts R more slowly.
 
 All thresholds are relative to the data, so the unit of y does not matter. If y is an angle, the
 filter measures the angle relative to the first reading. For an angle, R is at least q²/12, the
 variance of the encoder's rounding error, where q is the smallest step between two readings so far.
 
-An accurate angle measurement reveals every model error. If y is an angle, the model therefore
-contains white torque noise that acts on the motor. The torque noise variance starts large and is
-adapted until the mean of e²/S is one.
+Angle measurements are so accurate that every model error affects the innovations. If y is an angle,
+the model therefore contains white torque noise that acts on the motor. The torque noise variance
+starts large and is adapted until the normalised squared innovation e²/S has a mean of one.
 """
 
 from math import erf, exp, pi, sqrt
@@ -68,9 +69,11 @@ def judge(state, y, valid, prediction, spread):
     """
     Store the innovation and update R; return the checked output, or NaN to skip the sample.
 
-    The argument ``spread`` is hᵀPh. If R is unknown, the filter uses no sample until the axis
-    moves. When the axis starts to move, R starts at e² + hᵀPh, or at q²/12 if the model contains
-    torque noise. If y is an angle, the returned output is relative to the first reading.
+    The argument ``spread`` is hᵀPh, the output variance due to the uncertainty of ξ. If R is
+    unknown, the filter uses no sample until the axis moves. When the axis starts to move, the
+    initial value of R is e² + hᵀPh. If the model contains torque noise, the initial value of R is
+    the rounding error variance q²/12 instead. If y is an angle, the returned output is relative to
+    the first reading.
     """
     noise = state["noise"]
     S = spread + noise
@@ -183,7 +186,7 @@ def _learn(state, spread, square, rough):
 
 @inlined
 def learn_torque_noise(state, rate, lowest):
-    """Update the torque noise variance after a measurement, as described at `LEARNS`."""
+    """Update the torque noise variance after a measurement, at a rate determined by `LEARNS`."""
     square = state["innovation"] ** 2 / state["innovation_variance"]
     if state["first_torque_noise"] > 0.0 and square >= 0.0:  # NaN in a gap
         least, most = lowest * state["first_torque_noise"], HIGHEST * state["first_torque_noise"]

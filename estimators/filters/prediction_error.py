@@ -1,10 +1,10 @@
 """
-The update of a prediction-error method by one sample, equations (5)–(7), (9), (10) and (12).
+One update of the recursive prediction-error method, equations (5)–(7), (9), (10) and (12).
 
 All quantities refer to the relative parameters η = θ/θ(0). The matrix P determines the gain K =
 P(t|t) ψ. A second matrix Σ is the actual covariance of the estimate for a noise variance of one.
-Each measurement updates Σ by Σ ← (I − Kψᵀ) Σ (I − Kψᵀ)ᵀ + K Kᵀ. During slow, steady adaptation, Σ
-equals P/2. After a reset of P, Σ differs from P/2.
+Each measurement updates Σ by Σ ← (I − Kψᵀ) Σ (I − Kψᵀ)ᵀ + K Kᵀ. During slow, steady adaptation, the
+actual covariance Σ equals P/2. After a reset of P, Σ differs from P/2.
 """
 
 from typing import Annotated, NamedTuple
@@ -71,8 +71,8 @@ class Recursion(NamedTuple):
     psi, gain, before, reach : (p,) arrays
         The gradient ψ, the product Pψ, the estimate before the update, and the product Σψ.
     prior, granted : (p,) arrays
-        Diagonal of P(0), and values up to which the diagonal of P can grow in any case. A reset of
-        P increases ``granted``.
+        Diagonal of P(0), and values up to which the diagonal of P can grow regardless of the
+        variance limit. A reset of P increases ``granted``.
     regularization : (p,) array
         Weights μ.
     """
@@ -110,8 +110,8 @@ def recursion(
     ----------
     design : Design
     robust : float
-        Number of standard deviations to which residuals are clipped, or 0 to disable clipping. With
-        clipping, the filter also ignores the readings of a stuck sensor.
+        Number of standard deviations to which residuals are clipped, or 0 to disable clipping. If
+        clipping is enabled, the filter also ignores the readings of a stuck sensor.
     correct : bool
         Whether the filter corrects its state when the parameter estimate changes.
     ceiling : float
@@ -232,12 +232,13 @@ def _learn(now, psi, square):
     Update the noise variance R̂ with a squared residual, and return whether the axis is excited.
 
     The noise variance R̂ is the arithmetic mean over the first samples and later an exponentially
-    weighted mean. R̂ is constant while the axis is not excited.
+    weighted mean. The estimate R̂ does not change while the axis is not excited.
 
-    R̂ is computed from the residual itself, whereas `filters.noise` also uses the third difference
-    of the innovation. The predictor has no process noise, so R̂ must include the model errors. If
-    R̂ excluded model errors, the NEES for an axis with unmodelled friction would be five times
-    worse, and resets would be too frequent.
+    The noise variance R̂ is computed from the residual itself, whereas `filters.noise` also uses
+    the third difference of the innovation. The predictor has no process noise, so R̂ must include
+    the model errors. If R̂ excluded model errors, the normalised estimation error squared (NEES)
+    for an axis with unmodelled friction would be five times larger, and resets would be too
+    frequent.
     """
     excitation = 0.0
     for i in range(len(psi)):
@@ -273,7 +274,7 @@ def bound_P(state):
     """
     Limit the diagonal of R̂ P, or the diagonal of P itself while R̂ is still unknown.
 
-    After a reset of P, the diagonal can exceed the limit until the data have reduced P again.
+    After a reset of P, the diagonal of P can exceed its limit until the data have reduced P again.
     """
     now, P, prior = state.now[0], state.P, state.prior
     granted, most = state.granted, state.gain  # reuse the memory of the gain

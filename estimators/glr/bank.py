@@ -2,10 +2,10 @@
 A bank of parameter jump hypotheses for a Kalman filter, in compiled code.
 
 Each hypothesis states that one parameter θ_i jumped at the sample k₀, which is called the onset of
-the jump. A parameter jump of size one changes the filter error by a vector δ. At the onset of a
-jump, δ is the unit vector e_i. Let h be the output row, F the transition matrix and K the gain of
-the filter in `flexaxis.estimators.filters.joint`. The following equations update a hypothesis by
-one sample:
+the jump. A parameter jump of size one changes the estimation error of the filter by a vector δ. At
+the onset of a jump of θ_i, δ is the unit vector e_i. Let h be the output row, F the transition
+matrix and K the gain of the filter in `flexaxis.estimators.filters.joint`. The following equations
+update a hypothesis by one sample:
 
     φ = hᵀδ,  J ← J + φ²/S,  d ← d + φ e/S,  δ ← F δ − K φ.
 
@@ -13,18 +13,18 @@ The estimated jump size is ν̂ = d/(J + κ/σ²). The log evidence ℓ of the j
 
     ℓ = ½ d²/(J + κ/σ²)/κ − ½ ln(1 + J σ²/κ) + ln(prior),
 
-The parameter σ is the standard deviation of the jump sizes. The formulas for jump size and evidence
-follow *A generalized likelihood ratio approach to the detection and estimation of jumps in linear
-systems* (Willsky and Jones, 1976). The factor κ ≥ 1 is the mean of e²/S after the contribution of
-the best hypothesis has been subtracted. If the model is wrong, κ is large and reduces the evidence
-of all hypotheses equally. The parameter estimate is the weighted mean over all hypotheses,
-including the hypothesis that no parameter jumped.
+The symbol σ denotes the prior standard deviation of the jump size. The formulas for jump size and
+evidence follow *A generalized likelihood ratio approach to the detection and estimation of jumps in
+linear systems* (Willsky and Jones, 1976). The misfit factor κ ≥ 1 is the mean of e²/S after the
+contribution of the best hypothesis has been subtracted. If the model is wrong, the misfit factor κ
+is large and reduces the evidence for all hypotheses equally. The parameter estimate is the weighted
+mean over all hypotheses, including the hypothesis that no parameter jumped.
 
 The grid of onset times becomes coarser towards the past. Level 0 of the grid contains the last
-`PER_LEVEL` onsets at the finest spacing. Each further level contains the `MORE` preceding onsets at
-twice the spacing of the level before. When an onset is `PER_LEVEL` spacings old, it moves to the
-next level if it fits the coarser grid, and is dropped otherwise. Each onset therefore occurs once
-and represents all jump times within one grid spacing.
+`PER_LEVEL` onsets at the finest spacing. Each further level of the grid contains `MORE` older
+onsets at twice the spacing of the previous level. When an onset is `PER_LEVEL` spacings old, it
+moves to the next level if it fits the coarser grid, and is dropped otherwise. Each onset therefore
+belongs to exactly one level and represents all jump times within one grid spacing.
 """
 
 from typing import NamedTuple
@@ -48,9 +48,11 @@ class Columns(NamedTuple):
     Attributes
     ----------
     D, moved : (m, H), (n+1, H) arrays
-        All columns δ, and the predicted effect of each column on states and output.
+        The columns δ of all hypotheses, and the predicted effect of each column on states and
+        output.
     J, d : (H,) arrays
-        Sums of φ²/S and of φ e/S over the samples, for each column δ.
+        The information sum Σ φ²/S and the score sum Σ φ e/S over the samples for each hypothesis,
+        where φ is the effect of its column δ on the output.
     """
 
     D: Matrix
@@ -70,9 +72,10 @@ def correct(columns, state, e, S):
     """
     Update the columns δ of all hypotheses by a measurement.
 
-    With φ = hᵀδ/√S, the updates are J ← J + φ², d ← d + φ z and δ ← F δ − K √S φ. The function
-    returns z = e/√S, or 0 if e is NaN because the measurement is missing. Before the call, the
-    array ``moved`` must contain the product G δ.
+    For each hypothesis, the normalised output effect φ = hᵀδ/√S updates the information sum J ← J +
+    φ², the score sum d ← d + φ z, and the column δ ← F δ − K √S φ. The function returns the
+    normalised innovation z = e/√S, or 0 if the measurement is missing. Before the call, the array
+    ``moved`` must contain the product G δ.
     """
     D, moved, J, d, gain = columns.D, columns.moved, columns.J, columns.d, state.gain
     n, p, seen = len(moved) - 1, len(state.lower), moved[-1]
@@ -154,10 +157,10 @@ def _begin(bank, state, row, now):
 @fused
 def weigh(bank, now):
     """
-    Store κ and the jump sizes and weights of all hypotheses; return the log odds of any jump.
+    Store κ and the jump sizes and weights of all hypotheses; return the log odds of a jump.
 
-    The code computes exp ℓ = exp(½ d ν̂/κ) prior/√(1 + J σ²/κ), because a square root is faster
-    than the logarithm in ℓ.
+    The code computes the evidence directly as exp ℓ = exp(½ d ν̂/κ) prior/√(1 + J σ²/κ), because a
+    square root is faster than the logarithm in ℓ.
     """
     J, d, size, weight, b = bank.columns.J, bank.columns.d, bank.size, bank.weight, bank.now[0]
     precision, prior = bank.precision, bank.prior

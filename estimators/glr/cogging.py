@@ -1,14 +1,15 @@
 """
 Search for an unknown cogging torque, which is periodic in the motor angle.
 
-The search for cogging takes place during the initialisation of the estimator. A motor torque c B
-that is missing in the model changes the filter error by c δ. For a parameter jump, the vector δ
-starts as a unit vector (`flexaxis.estimators.glr.bank`). For cogging, δ starts at zero, and each
-sample adds the effect of the torque B, so that δ ← F δ − K φ + Γ B. The sums J and d for δ
-therefore determine the torque coefficient c and the evidence for the torque B. The search tests the
-sine and the cosine of each integer number of waves per revolution. All sines and cosines are
-mutually uncorrelated over many revolutions. If the evidence for the strongest wave is sufficient, a
-filter whose model includes this wave continues from the current state.
+The search for cogging takes place during the initialisation of the estimator. If the model lacks a
+motor torque with the waveform B and the coefficient c, the estimation error of the filter changes
+by c δ. For a parameter jump, the vector δ starts as a unit vector (`flexaxis.estimators.glr.bank`).
+For cogging, the vector δ starts at zero. Each sample adds the effect Γ B of the torque, so that δ ←
+F δ − K φ + Γ B. As for a parameter jump, an information sum J and a score sum d determine the size
+of the torque and the evidence for it. The search tests the sine and the cosine of each integer
+number of waves per revolution. Over many revolutions, the sines and cosines of different waves are
+uncorrelated. If the evidence for the strongest wave is sufficient, a filter whose model includes
+this wave continues from the current state.
 """
 
 from typing import NamedTuple
@@ -34,9 +35,9 @@ class Waves(NamedTuple):
     Attributes
     ----------
     columns : Columns
-        One column δ for the sine and one for the cosine of each wave.
+        One column δ for the sine of each wave, and one column δ for the cosine.
     pull : (2K,) array
-        Values of all sines and cosines in the last sample.
+        Values of the sines and cosines of all waves in the last sample.
     """
 
     columns: Columns
@@ -91,11 +92,11 @@ def strongest_wave(bank: Memory, variance: float) -> tuple[int, float, float] | 
     Return the cogging wave that fits the initialisation data best, with its two coefficients.
 
     Let χ² be the sum of e²/S over n samples, and let Δ be the decrease of χ² due to a wave. Because
-    the scale of χ² is unknown, the evidence for a wave is ½ n ln(χ²/(χ² − Δ)). The evidence is
-    reduced by ½ ln n for each unknown of the wave, and by the logarithm of the number of tested
-    waves. If successive innovations have the correlation ρ after subtraction of the wave,
-    (1+ρ)/(1−ρ) samples count as one. The correlation ρ is computed as if the part of the
-    innovations due to the wave were fully correlated.
+    the noise level is unknown, the evidence for a wave that reduces χ² by Δ is ½ n ln(χ²/(χ² − Δ)).
+    The evidence for a wave is reduced by ½ ln n for each unknown of the wave, and by the logarithm
+    of the number of tested waves. If successive innovations have a correlation ρ after the wave has
+    been subtracted, the number n of samples is divided by (1+ρ)/(1−ρ). The computation of ρ assumes
+    that the part of the innovations due to the wave is fully correlated.
 
     Parameters
     ----------

@@ -3,13 +3,13 @@ The decision about which parameter jumped, based on a filter re-run for each can
 
 The hypothesis bank approximates the effect of a parameter jump as linear in the jump size, which is
 accurate only for small jumps. Therefore the few parameters with the most probable jumps become
-candidates, each with its most probable onset. For each candidate, the filter starts from the stored
-state with the jump applied, and processes the samples since the onset again. Each pass yields one
-Gauss–Newton step of the jump size, and at most `PASSES` steps are carried out. The comparison ranks
-the candidates by their remaining Σ e²/S and by their prior probabilities. Until one candidate leads
-clearly, the estimate is the mean over all hypotheses. After the estimator has accepted a candidate,
-the comparison with the rivals is repeated a few times. A rival can still replace the accepted
-candidate.
+candidates, each with its most probable onset. For each candidate jump, a second filter starts from
+the state stored at the onset, applies the jump, and processes all later samples again. Each pass of
+the second filter yields one Gauss–Newton step of the jump size, up to `PASSES` steps. The
+comparison ranks the candidate jumps by the sum of their normalised squared innovations e²/S and by
+their prior probabilities. Until one candidate jump is clearly the most probable, the estimate is
+the mean over all hypotheses. After the estimator has accepted a candidate jump, the comparison with
+rival jumps is repeated a few times. A rival jump can still replace the accepted jump.
 """
 
 from collections.abc import Sequence
@@ -56,21 +56,22 @@ class _Candidate:
     xi, P : (m,), (m, w) arrays
         State and covariance of the filter at the onset.
     chi2 : float
-        Sum of e²/S over all samples until the onset.
+        Sum of the normalised squared innovations e²/S over all samples until the onset.
     path : float
-        Log prior of the candidate jump and of all jumps that were accepted before.
+        Sum of the log priors of the candidate jump and of all jumps that were accepted before.
     spread : float
         Standard deviation of the jump size over the probable onsets in the hypothesis bank.
     instead : bool
         Whether the candidate would replace the last detected jump instead of following it.
     evidence : float
-        Log-likelihood ratio between the filter with and the filter without the candidate jump.
+        Log-likelihood ratio between the filters with and without the candidate jump.
     deviation : float
         Standard deviation of the jump size.
     penalty : float
         Log prior of the candidate jump, including the prior of the jump size.
     total : float
-        Sum of e²/S over all samples if the candidate jump is applied.
+        Sum of the normalised squared innovations e²/S over all samples if the candidate jump is
+        applied.
     passes : int
         Number of completed Gauss–Newton steps.
     """
@@ -148,7 +149,7 @@ class Comparison:
         self._chosen: _Candidate | None = None
 
     def go_on(self) -> bool:
-        """Continue the comparison after a pass has ended; return whether a jump was detected."""
+        """Continue the comparison after a filter pass; return whether a jump was detected."""
         if self._chosen is not None:
             return self._take(self._chosen)
         candidate = self._todo[0]
@@ -168,7 +169,7 @@ class Comparison:
         return False
 
     def _best(self) -> list[_Candidate]:
-        """Return candidates for the most probable jumping parameters, each with its best onset."""
+        """Return candidate jumps of the most probable parameters, each at its best onset."""
         bank, which = self._work.bank, self._work.bank["which"]
         fields = (bank[name].reshape(-1, len(which)) for name in FIELDS)
         J, d, size, precision, prior = fields
@@ -220,7 +221,7 @@ class Comparison:
         return float(np.clip(start + candidate.size, design.lower[i], design.upper[i]) - start)
 
     def _pass(self, candidate: _Candidate, end: int | None) -> None:
-        """Start a pass over all samples since the onset, with the candidate jump applied."""
+        """Start a filter pass over all samples since the onset, with the candidate jump applied."""
         i, bank = candidate.index, self._work.bank
         candidate.size = self._inside(candidate)
         xi = candidate.xi.copy()
@@ -230,7 +231,7 @@ class Comparison:
         bank["one_D"][i] = 1.0
 
     def _weigh(self, candidate: _Candidate) -> float:
-        """Return the Gauss–Newton step after a pass, and update the candidate's evidence."""
+        """Return the Gauss–Newton step after a filter pass, and update the candidate's evidence."""
         bank = self._work.bank
         J, d = (float(bank[name][0]) / self._kappa for name in ("one_J", "one_d"))
         prior = 1.0 / candidate.variance
@@ -248,7 +249,7 @@ class Comparison:
         return step
 
     def _decide(self) -> None:
-        """Accept the best candidate if its lead is large enough; otherwise wait for more data."""
+        """Accept the best candidate if it is clearly the most probable; otherwise wait for data."""
         best = max(self._candidates, key=lambda c: c.evidence)
         self._rest = [c for c in self._rest if c.evidence > -HOPELESS]
         others = [

@@ -29,7 +29,8 @@ class Glr(RecursiveEstimator):
     plain : Workspace
         Memory of the glr estimator before the first sample.
     rich : Workspace, optional
-        Memory of a filter with cogging, which replaces ``plain`` if the data contain cogging.
+        Memory of a filter with cogging, which replaces the memory ``plain`` if the data contain
+        cogging.
 
     Attributes
     ----------
@@ -111,7 +112,7 @@ class Glr(RecursiveEstimator):
         estimates *= self._plain.design.scale[: len(self.names)]
 
     def _attend(self) -> None:
-        """Make the decision that is due, or postpone the decision to stay within the budget."""
+        """Make the decision that is due, or postpone it to stay within the computing budget."""
         work, bank = self._work, self._work.bank
         cost = int(BUDGET * (COMPARING if bank["awake"] else LEARNING))
         if work.states["anew"][0] > 0:
@@ -125,7 +126,7 @@ class Glr(RecursiveEstimator):
             self._decide()
 
     def _decide(self) -> None:
-        """Evaluate a completed pass over old samples, or start the next pass over old samples."""
+        """Evaluate a completed filter pass over old samples, or start the next filter pass."""
         work, bank = self._work, self._work.bank
         if not bank["awake"]:
             if work.busy:
@@ -140,7 +141,7 @@ class Glr(RecursiveEstimator):
             self._comparison.begin()
 
     def _take_up_cogging(self) -> bool:
-        """Switch to the filter with cogging if the data contain cogging; return True if so."""
+        """If the data contain cogging, switch to the filter with cogging and return True."""
         work, wave = self._work, None
         if self._rich and work.bank["searching"]:
             wave = strongest_wave(work.bank, float(self._rich.design.scale[-2]) ** 2)

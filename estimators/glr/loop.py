@@ -32,7 +32,8 @@ def glr(blocks, at, bank_block, bank_at, u, y, valid, estimates, trace):  # noqa
 
     The argument ``blocks`` contains the memory of two joint filters. The second filter processes
     old samples again, at most `BUDGET` old samples for each new sample. The field ``left`` of the
-    hypothesis bank contains the unused part of the budget of old samples.
+    hypothesis bank is the number of old samples that the second filter can still process before the
+    next new sample.
     """
     state, second = views(Joint, blocks[0], at), views(Joint, blocks[1], at)
     bank = views(Bank, bank_block, bank_at)
@@ -165,9 +166,10 @@ def _follow_misfit(b, s):
     """
     Update the lower limit of the misfit κ, a running mean of e²/S multiplied by (1+ρ)/(1−ρ).
 
-    The factor ρ is the correlation of successive innovations. A wrong model leads to correlated
-    innovations, where (1+ρ)/(1−ρ) samples contain as much information as one independent sample.
-    The memory of the running mean is much longer than the time covered by the hypothesis bank.
+    The symbol ρ denotes the correlation of successive innovations, which a wrong model increases.
+    If innovations are correlated, (1+ρ)/(1−ρ) samples contain as much information as one
+    independent sample. The memory of the running mean is much longer than the time covered by the
+    hypothesis bank.
     """
     e, S = s["innovation"], s["innovation_variance"]
     if np.isnan(e) or not S > 0.0:

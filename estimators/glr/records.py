@@ -1,4 +1,4 @@
-"""Initial arrays of the hypothesis bank, and durations of the estimator glr in samples."""
+"""Initial arrays of the hypothesis bank, and the time spans that the estimator glr uses."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -36,7 +36,7 @@ BUDGET = 32  # largest number of old samples that are filtered again for each ne
 @dataclass(frozen=True)
 class Timing:
     """
-    The durations in the estimator glr, in samples.
+    The time spans that the estimator glr uses, in samples.
 
     Attributes
     ----------
@@ -70,8 +70,8 @@ def time_scale(model: Model, period: float) -> float:
     Return the time constant of the slowest oscillation of an axis, in seconds.
 
     For an axis without oscillation, the function returns the time constant of the slowest pole,
-    limited to the range from `FEWEST` to `MOST` samples. The limit is necessary because the effect
-    of a torque becomes visible long before a coasting motor comes to rest.
+    limited to the range from `FEWEST` to `MOST` samples. The upper limit is necessary because the
+    effect of a torque becomes visible long before a coasting motor comes to rest.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ def time_scale(model: Model, period: float) -> float:
 
 
 def lengths(model: Model, period: float, commissioning: float | None, known: bool) -> Timing:
-    """Return all durations of the estimator glr in samples, computed from the axis time scale."""
+    """Return the time spans of the estimator glr in samples, computed from the axis time scale."""
     scale = time_scale(model, period)
     if commissioning is None:
         commissioning = 0.0 if known else FIRST * scale

@@ -122,7 +122,7 @@ class Workspace:
         at : int
             Index of the first sample of the pass.
         first : bool
-            Whether ``xi`` already includes the measurement of the first sample.
+            Whether the estimate ``xi`` already includes the measurement of the first sample.
         end : int or None
             Index of the first sample after the pass, or None to include all samples that arrive
             during the pass.

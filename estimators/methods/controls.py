@@ -1,4 +1,4 @@
-"""Two baseline estimators: a constant estimate, and the paper's method with ideal restarts."""
+"""Two baselines: a constant estimate, and a prediction-error method with ideal restarts."""
 
 from collections.abc import Sequence
 
@@ -149,7 +149,7 @@ ENTRIES = (
     ),
     Entry(
         "oracle-reset",
-        "a baseline estimator: the paper's method, restarted at the true time of each fault",
+        "a baseline estimator: rpem-forgetting, restarted at the true time of each fault",
         OracleReset,
         knob="1-forgetting",
         default=0.995,

@@ -24,22 +24,22 @@ def joint_ekf(design: Design, **torque_noise: float) -> CompiledFilter:
     that the torque drives (`flexaxis.estimators.filters.noise`). The filter is the standard joint
     filter, which is analysed in *Asymptotic behavior of the extended Kalman filter as a parameter
     estimator for linear systems* (Ljung, 1979). Unlike the prediction-error method, the Kalman
-    filter also corrects the state with each measurement. The filter limits the variance of θ_i to
-    θ_i(0)² by scaling a row and a column of P. The filter skips at most two successive innovations
-    of more than 100 standard deviations.
+    filter also corrects the state with each measurement. The filter limits the variance of each θ_i
+    to θ_i(0)² by scaling a row and a column of P. The filter skips at most two successive
+    innovations of more than 100 standard deviations.
 
     P is the covariance of the estimation error if θ is a random walk with the covariance W. If θ is
-    constant and adaptation is slow, the actual error variance is half of P. After a jump of θ, P is
-    far smaller than the actual error covariance.
+    constant and adaptation is slow, the actual error variance is half of P. After a jump of θ, the
+    claimed covariance P is far smaller than the actual error covariance.
 
     Parameters
     ----------
     design : Design
-        Options of the filter. The field ``drift`` of the design is W, the covariance that θ gains
-        in every sample. If the design does not specify the noise, the filter estimates R = σ² from
-        the innovations.
+        Options of the filter. The field ``drift`` of the design is W, the covariance of the random
+        walk in one sample. If the design does not specify the noise, the filter estimates R = σ²
+        from the innovations.
     **torque_noise : float
-        Settings returned by `flexaxis.estimators.problem.Problem.torque_noise`.
+        Torque noise settings, as returned by `flexaxis.estimators.problem.Problem.torque_noise`.
     """
     start = Memory(joint_arrays(design, rests=False, heeds=HEEDS_NOTHING, **torque_noise))
     return CompiledFilter(loops.ekf, start, design, read_joint)
@@ -58,8 +58,8 @@ def _extended(
     ----------
     walk : float, optional
         Standard deviation of each parameter's random walk after one second, relative to θ(0). If y
-        is an angle, the default is 0.008. For any other output, the default is the tuned value for
-        the axis, or 0.002 if there is no tuned value.
+        is an angle, ``walk`` is 0.008 by default. For any other output, the default of ``walk`` is
+        the tuned value for the axis, or 0.002 if there is no tuned value.
     spread : float
         Standard deviation of the initial parameter error, relative to θ(0).
     """

@@ -1,11 +1,12 @@
 """
 The prediction-error method with a CUSUM reset of P or with a variable forgetting factor.
 
-The CUSUM rule resets P when the cumulative sum (CUSUM) of squared residuals indicates a change. The
-cumulative sum is updated by g ← max(0, g + 3/8 s − ln 2) with s = ε²/(R̂(1+ψᵀPψ)). The statistic s
-is limited to 16, and the noise variance R̂ excludes the current sample. The increment of g is the
-log-likelihood ratio for a fourfold increase of the residual variance, as in *Continuous inspection
-schemes* (Page, 1954). When g exceeds the alarm level, P is set to the covariance of an unknown
+The CUSUM rule resets P when the cumulative sum (CUSUM) of squared residuals indicates a change.
+Each sample updates the cumulative sum by g ← max(0, g + 3/8 s − ln 2), where s = ε²/(R̂(1+ψᵀPψ)) is
+the normalised squared residual. The normalised squared residual s is limited to 16, and the noise
+variance R̂ excludes the current sample. The increment of the cumulative sum g is the log-likelihood
+ratio for a fourfold increase of the residual variance, as in *Continuous inspection schemes* (Page,
+1954). When the cumulative sum g exceeds the alarm level, P is set to the covariance of an unknown
 parameter change, and g is set to zero. Chapter 3 of *Adaptive Filtering and Change Detection*
 (Gustafsson, 2000) describes CUSUM tests.
 

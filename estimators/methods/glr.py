@@ -61,22 +61,22 @@ def glr(
     """
     Return the estimator glr, a Kalman filter with a bank of jump hypotheses.
 
-    All durations of the filter are multiples of one axis time scale, as computed by
+    All time spans in the filter are multiples of one axis time scale, as computed by
     `flexaxis.estimators.glr.records.lengths`.
 
     Parameters
     ----------
     problem : Problem
-        Estimation problem with nominal values or a model with its own friction and spring laws. The
-        nominal values should include ``poles``, ``torque_limit`` and ``noise`` if the data sheet
-        states them, and ``gear_friction`` = 1 if friction grows with the gear load. The torque of
-        the problem determines the prior magnitudes of friction and backlash. The filter computes
-        P(0) from the prior of each parameter.
+        Estimation problem, either with nominal parameter values or with a model that has its own
+        friction and spring laws. The nominal values should include ``poles``, ``torque_limit`` and
+        ``noise`` if the data sheet states them, and ``gear_friction`` = 1 if friction grows with
+        the gear load. The torque of the problem determines the prior magnitudes of friction and
+        backlash. The filter computes P(0) from the prior of each parameter.
     learn : "auto", "none" or sequence of str
         Parameters that the filter learns only once. The hypothesis bank also tests jumps of the
-        springs, dampers and motor inertia that are learnt once. The setting "auto" learns all
-        parameters that the initialisation data excite and fixes all others at their nominal values.
-        `Glr.fixed_because` gives the reason for each fixed parameter.
+        springs, dampers and motor inertia that are learnt once. If ``learn`` is "auto", the filter
+        learns all parameters that the initialisation data excite, and fixes all others at their
+        nominal values. `Glr.fixed_because` gives the reason for each fixed parameter.
     track : sequence of str
         Names of tracked parameters in addition to ``identify``.
     deviations : mapping of str to float, optional
@@ -84,7 +84,8 @@ def glr(
         ``deviations`` is given, the default of ``commissioning`` is zero.
     walk : float
         Standard deviation of each tracked parameter's random walk after one second, relative to the
-        parameter scale. For friction parameters, the standard deviation is 4.5 times larger.
+        parameter scale. For friction parameters, the standard deviation of the random walk is 4.5
+        times larger.
     spread : float
         Initial standard deviation of the tracked parameters, relative to the parameter values.
     commissioning : float, optional
@@ -201,7 +202,7 @@ def _most_waves(model: Model, torque: ArrayLike | None, period: float) -> int:
 
 
 def _walk(model: Model, names: Sequence[str], tracked: int, walk: float) -> np.ndarray:
-    """Return the variance (p,) that θ gains per second, relative to the squared parameter scale."""
+    """Return the random walk variances after one second, relative to the squared scales (p,)."""
     deviation = np.full(len(names), STRUCTURE / WALK * walk)
     for i, name in enumerate(names[:tracked]):
         physical = name.removeprefix("1/")

@@ -29,10 +29,10 @@ def joint_imm(
     Return an interacting-multiple-model filter with one quiet mode and a jump mode for each θ_i.
 
     Every mode j is a joint extended Kalman filter (`flexaxis.estimators.methods.ekf`). The quiet
-    mode assumes that θ gains the covariance W in every sample. Jump mode i adds a further variance
-    for θ_i to W. The sequence of modes is a Markov chain with the transition matrix Π. Let μ be the
-    mode probabilities, and let Λ_j be the Gaussian likelihood of the innovation in mode j. The
-    following equations update the modes by one sample:
+    mode assumes that the covariance of θ increases by W in every sample. Jump mode i also increases
+    the variance of θ_i by ``jump[i]`` in every sample. The sequence of modes is a Markov chain with
+    the transition matrix Π. Let μ be the mode probabilities, and let Λ_j be the Gaussian likelihood
+    of the innovation in mode j. The following equations update the modes by one sample:
 
         μ_j ← c_j Λ_j / Σ,  c_j = Σ_i Π_ij μ_i,  μ_i|j = Π_ij μ_i/c_j,
         ξ⁰_j = Σ_i μ_i|j ξ_i,  P⁰_j = Σ_i μ_i|j [P_i + (ξ_i−ξ⁰_j)(ξ_i−ξ⁰_j)ᵀ],
@@ -45,16 +45,16 @@ def joint_imm(
     Parameters
     ----------
     design : Design
-        Design as for `flexaxis.estimators.methods.ekf.joint_ekf`. The drift covariance of the
-        design applies to the quiet mode.
+        Filter design, as for `flexaxis.estimators.methods.ekf.joint_ekf`. The drift covariance W of
+        the design applies to the quiet mode.
     jump : (p,) array_like
-        Variance that each parameter θ_i gains in every sample while its jump mode is active.
+        Variance that a jump mode adds to its parameter θ_i in every sample.
     rate : float
         Mean rate of jumps of all parameters together [1/s].
     hold : float
         Mean time for which a jump mode remains active [s].
     **torque_noise : float
-        Settings as for `flexaxis.estimators.methods.ekf.joint_ekf`.
+        Torque noise settings, as for `flexaxis.estimators.methods.ekf.joint_ekf`.
 
     Raises
     ------

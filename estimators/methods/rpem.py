@@ -1,4 +1,4 @@
-"""The paper's recursive prediction-error method with a forgetting factor or parameter drift."""
+"""The recursive prediction-error method with a forgetting factor or covariance modification."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
@@ -69,13 +69,14 @@ class Rpem(CompiledFilter):
         Grey-box model of the axis, such as ``three_mass(nominal)``. If the model contains nonlinear
         torques, the filter propagates the sensitivities along the nonlinear trajectory.
     identify : sequence of str, optional
-        Names of the identified parameters or inverse parameters. The default is the model's
-        attribute ``identify``. All other parameters keep their nominal values.
+        Names of the identified parameters or inverse parameters. By default, the filter identifies
+        the parameters in the model's attribute ``identify``. All parameters that are not identified
+        keep their nominal values.
     theta0 : (p,) array_like, optional
         Initial parameter estimate θ(0); by default, the nominal values of the model.
     P0 : (p,) or (p, p) array_like
         Initial matrix P(0) or the diagonal of P(0), for a noise variance of one. The function
-        `flexaxis.estimators.offline.priors.nominal_P` computes a suitable value.
+        `flexaxis.estimators.offline.priors.nominal_P` computes a suitable P(0).
     period : float
         Sampling period T [s].
     noise : float, optional
@@ -89,18 +90,19 @@ class Rpem(CompiledFilter):
         Covariance Δ that equation (10) adds to P in every sample, or the diagonal of Δ.
     regularization : float or (p,) array_like
         Regularisation weight μ ≥ 0 of equation (12), as one common value or as one value for each
-        parameter. In combination with forgetting, the weight μ limits P to (1−λ)/μ.
+        parameter. If the filter uses a forgetting factor λ, the weight μ limits P to (1−λ)/μ.
     bounds : (lower, upper), optional
         Bounds to which the filter clips θ after every update, while P remains unchanged. By
         default, the bounds of θ are 0.1 and 10 times θ(0).
     output : {"speed", "increment", "angle"}
         Type of the output signal y: the motor speed at t_k, the increment (φ[k]−φ[k−1])/T of the
-        motor angle, or the motor angle φ. The filter converts angles to increments.
+        motor angle, or the motor angle φ. The filter converts angles to angle increments.
     state_correction : bool
         Whether the filter corrects its state after every change Δθ of the estimate by x ← x + z Δθ,
         where z = ∂x/∂θ. To first order, the corrected state is the state that the new θ would have
-        produced from past inputs. The paper does not correct the state. Without state correction,
-        the estimate follows a parameter jump more slowly and with overshoot.
+        produced from past inputs. The original method of Östring and Gunnarsson does not correct
+        the state. Without state correction, the estimate follows a parameter jump more slowly and
+        with overshoot.
     robust : float
         Number of standard deviations to which residuals are clipped, such as 3, or 0 to disable
         clipping. Clipping prevents large estimation errors after an outlier, as described in
@@ -111,8 +113,8 @@ class Rpem(CompiledFilter):
     ceiling : float
         Upper limit on the parameter variance R̂ P_ii relative to θ(0)², unless P(0) or a reset
         allows a larger variance. As long as R̂ is unknown, P_ii is limited to 100 P(0)_ii. The
-        ceiling only matters if P becomes large, for example during a long standstill. The original
-        method in the paper has an infinite ceiling.
+        ceiling only has an effect if P becomes large, for example during a long standstill. The
+        original method of Östring and Gunnarsson has no ceiling.
     rule : mapping of str to float, optional
         Number and options of another forgetting rule, as defined in
         `flexaxis.estimators.filters.forgetting`.
@@ -129,9 +131,10 @@ class Rpem(CompiledFilter):
     covariance : (p, p) array
         Covariance R̂ Σ that the filter claims for its estimate of a constant θ. Each measurement
         updates Σ by Σ ← (I − Kψᵀ) Σ (I − Kψᵀ)ᵀ + K Kᵀ with the gain K = P(t|t) ψ. An assignment to
-        P also sets Σ to P. During slow, steady adaptation, Σ equals P/2. The noise variance R̂ is
-        the square of ``noise``, or a running mean of ε²/(1+ψᵀΣψ) with a memory of 2 s. R̂ starts at
-        one and is updated only while the axis is excited.
+        P also sets Σ to P. During slow, steady adaptation, the covariance Σ equals P/2. If
+        ``noise`` is given, the noise variance R̂ is its square. Otherwise R̂ is a running mean of
+        ε²/(1+ψᵀΣψ) with a memory of 2 s. The running mean R̂ starts at one and is updated only
+        while the axis is excited.
     epsilon : float
         Residual y − ŷ, or NaN if the measurement is missing.
     prediction, innovation, innovation_variance, innovations : float or array
@@ -145,9 +148,9 @@ class Rpem(CompiledFilter):
     Notes
     -----
     The estimate θ[k] depends on y[0..k] and u[0..k−1]. The torque u[k] is constant between t_k and
-    t_{k+1}, so it first acts on y[k+1]. The sensitivities are zero before the first sample.
-    Internally, all quantities refer to the relative parameters θ/θ(0), so the units and signs of
-    the parameters do not matter.
+    t_{k+1}, so it first acts on y[k+1]. The sensitivities ∂x/∂θ of the state are zero before the
+    first sample. Internally, all quantities refer to the relative parameters θ/θ(0), so the units
+    and signs of the parameters do not matter.
     """
 
     def __init__(
@@ -206,10 +209,11 @@ class Rpem(CompiledFilter):
         """
         Restart the filter for a parameter change that is known to occur at the next sample.
 
-        Let k₀ be the first sample with the new parameters. Call this method after sample k₀ − 1.
-        The output y[k₀] still depends only on the old parameters, and the torque from t_k₀ on acts
-        on the axis with the new parameters. The method keeps the state but sets its sensitivities
-        to zero, because the state does not yet depend on the new θ.
+        Let k₀ be the first sample with the new parameters. Call this method after the last sample
+        with the old parameters, sample k₀ − 1. The output y[k₀] still depends only on the old
+        parameters, and the torque from t_k₀ on acts on the axis with the new parameters. The method
+        keeps the state of the axis but sets the sensitivities of the state to zero, because the
+        state does not yet depend on the new θ.
 
         Parameters
         ----------
@@ -252,14 +256,15 @@ def rpem_forgetting(
     ceiling: float = CALM,
 ) -> Rpem:
     """
-    Return the paper's method with the forgetting factor λ of equation (13).
+    Return the recursive prediction-error method with the forgetting factor λ of equation (13).
 
     Parameters
     ----------
     forgetting : float, optional
         Forgetting factor λ per sample.
     regularization : float
-        Dimensionless factor m in μ_i = m (1−λ)/P(0)_ii, which limits P_ii to P(0)_ii/m.
+        Dimensionless factor m that determines the regularisation weights μ_i = m (1−λ)/P(0)_ii,
+        which limit P_ii to P(0)_ii/m.
     state_correction, robust, ceiling : bool, float, float
         As for `Rpem`.
     """
@@ -285,14 +290,15 @@ def rpem_drift(
     ceiling: float = 10 * CALM,
 ) -> Rpem:
     """
-    Return the paper's method with covariance modification, as in equation (14).
+    Return the recursive prediction-error method with covariance modification, as in equation (14).
 
     Parameters
     ----------
     scale : float
         Factor that multiplies the covariance Δ of equation (32).
     regularization : float
-        Dimensionless factor m in μ_i = m Δ_ii/P(0)_ii², which limits P_ii to P(0)_ii/√m.
+        Dimensionless factor m that determines the regularisation weights μ_i = m Δ_ii/P(0)_ii²,
+        which limit P_ii to P(0)_ii/√m.
     robust, ceiling : float
         As for `Rpem`.
     """
@@ -318,7 +324,7 @@ def rpem_drift(
 ENTRIES = (
     Entry(
         "rpem-forgetting",
-        "the paper's method with a forgetting factor, equation (13)",
+        "recursive prediction-error method with a forgetting factor, equation (13)",
         rpem_forgetting,
         knob="1-forgetting",
         default=0.995,
@@ -326,7 +332,7 @@ ENTRIES = (
     ),
     Entry(
         "rpem-drift",
-        "the paper's method with covariance modification, equations (14) and (32)",
+        "recursive prediction-error method with covariance modification, equations (14) and (32)",
         rpem_drift,
         knob="scale",
         default=1.0,

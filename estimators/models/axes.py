@@ -41,14 +41,14 @@ def one_mass(nominal: Mapping[str, float]) -> Model:
 
 def three_mass(nominal: Mapping[str, float]) -> Model:
     """
-    Return the paper's axis, in which two springs couple motor, gear and arm.
+    Return the model of a three-mass axis, in which two springs couple motor, gear and arm.
 
     Parameters
     ----------
     nominal : mapping
         Nominal values of k_T, J_m, J_g, J_a, k_g, k_a, d_g, d_a, f_m, f_g, f_a and r [SI], as in
-        equations (3) and (4) of the paper. Inertias and stiffnesses must be positive. Damping and
-        friction must not be negative. The parameters k_T and r must not be zero.
+        equations (3) and (4) of Östring and Gunnarsson. Inertias and stiffnesses must be positive.
+        Damping and friction must not be negative. The parameters k_T and r must not be zero.
 
     Returns
     -------
@@ -155,7 +155,7 @@ def with_cogging(model: Model) -> Model:
 
 def real_axis(nominal: Mapping[str, float]) -> Model:
     """
-    Return the paper's axis with dry friction, backlash and other nonlinear torques.
+    Return the three-mass axis with dry friction, backlash and other nonlinear torques.
 
     The model always contains dry motor friction and a stiffening gear spring with backlash. If the
     nominal values include ``mu_m``, the friction increases with the gear load. If the nominal
@@ -166,10 +166,10 @@ def real_axis(nominal: Mapping[str, float]) -> Model:
     ----------
     nominal : mapping
         Nominal values of the parameters of `three_mass` and of f_c, f_s, v_s, sigma_0, sigma_1,
-        v_0, kappa and gap, which are defined in `flexaxis.estimators.models.laws`. If the mapping
-        contains ``poles``, it must also contain c_sin and c_cos. If the mapping contains ``mu_m``,
-        it must also contain mu_e, mu_ms, mu_es and sharpness, but need not contain sigma_0 and
-        sigma_1.
+        v_0, kappa and gap, which are defined in `flexaxis.estimators.models.laws`. If the nominal
+        values include ``poles``, they must also include c_sin and c_cos. If the nominal values
+        include ``mu_m``, they must also include mu_e, mu_ms, mu_es and sharpness, but need not
+        include sigma_0 and sigma_1.
     """
     model = three_mass(nominal)
     laws = [GEAR_FRICTION if "mu_m" in nominal else BRISTLES, GEAR_SPRING]
@@ -225,8 +225,8 @@ class Traits:
     friction : float
         Assumed small value of the viscous friction [N m s/rad].
     resonance : float
-        Frequency at which |G| exceeds the gain of the rigid total inertia by the largest factor
-        [rad/s].
+        Frequency at which the gain |G| exceeds that of the rigid total inertia by the largest
+        factor [rad/s].
     """
 
     inertia: float
@@ -260,7 +260,7 @@ def _one_mass_guess(seen: Traits) -> dict[str, float]:
 
 
 def _two_mass_guess(seen: Traits) -> dict[str, float]:
-    """Return the parameters of two equal inertias J with ω² = 2 k/J and a damping ratio of 2 %."""
+    """Return two equal inertias J with the resonance ω² = 2 k/J and a damping ratio of 2 %."""
     stiffness = seen.resonance**2 * seen.inertia / 4
     return {
         "k_T": 1.0, "J_m": seen.inertia / 2, "J_l": seen.inertia / 2, "k": stiffness,
@@ -303,7 +303,7 @@ def model_from_tables(tables: Mapping[str, Any]) -> Model:
         ``states``, ``A`` (rows of formulas), ``B`` and ``C``. The key ``nominal`` contains the
         value of each parameter [SI]. The optional key ``law`` contains a list of torque laws, which
         are tables with the fields of `flexaxis.estimators.models.laws.Law`. The function ignores
-        all other keys.
+        all other keys of the tables.
 
     Raises
     ------

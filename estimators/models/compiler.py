@@ -142,8 +142,9 @@ def cache_folder() -> Path | None:
     """
     Create and return the cache folder for compiled code, or return None without write access.
 
-    The environment variable ``FLEXAXIS_COMPILED`` or ``NUMBA_CACHE_DIR`` sets the parent folder. If
-    neither variable is set, the parent folder is the cache folder of the user.
+    The environment variable ``FLEXAXIS_COMPILED`` or ``NUMBA_CACHE_DIR`` sets the parent folder of
+    the numba cache. If neither environment variable is set, the parent folder is the cache folder
+    of the user.
     """
     given = os.environ.get("FLEXAXIS_COMPILED") or os.environ.get("NUMBA_CACHE_DIR")
     try:

@@ -1,13 +1,13 @@
 """
 Compiled functions that compute the torque of each nonlinear law, and its derivatives.
 
-Each function writes its results to the array ``local``. The first results are the torque F, the
-law's own state s⁺ after the step, and the derivatives of F and s⁺ with respect to w and s. The
-variable w is the mean value of the law's driving variable over the step. The variable s is the
-law's own state before the step, or the load for a law that depends on a load. From index `ROLE` on,
-``local`` contains the derivatives of F and s⁺ with respect to each parameter of the law, in pairs.
-The module `flexaxis.estimators.models.laws` defines the torque laws and the roles of their
-parameters.
+Each function writes its results to the array ``local``. The first elements of ``local`` are the
+torque F, the law's own state s⁺ after the step, and the derivatives of F and s⁺ with respect to two
+variables w and s. The variable w is the mean value of the law's driving variable over the step. The
+variable s is the law's own state before the step, or the load for a law that depends on a load.
+Starting at the index `ROLE`, ``local`` contains the derivatives of F and s⁺ with respect to each
+parameter of the law, in pairs. The module `flexaxis.estimators.models.laws` defines the torque laws
+and the roles of their parameters.
 """
 
 import numpy as np
@@ -97,7 +97,7 @@ def _bristle(v, p, h, value, local):
 
 @inlined
 def _sliding(size, value):
-    """Return f_c + f_s exp(−(|v|/v_s)²) and the derivatives with respect to |v|, f_s and v_s."""
+    """Return f_c + f_s exp(−(|v|/v_s)²) and its derivatives with respect to |v|, f_s and v_s."""
     f_c, f_s, v_s = value[0], value[1], value[2]
     bump, level_v, level_s = 0.0, 0.0, 0.0
     if v_s > 0.0:
@@ -123,7 +123,7 @@ def _softened(size, v_0):
 
 @inlined
 def _relaxation(a):
-    """Return e^−a, φ₁, φ₂ and the derivatives of φ₁ and φ₂ with respect to a."""
+    """Return e^−a, the bristle functions φ₁(a) and φ₂(a), and the derivatives of φ₁ and φ₂."""
     e = np.exp(-a)
     if a > SMALL:
         one = (1.0 - e) / a

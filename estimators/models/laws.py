@@ -2,16 +2,17 @@
 Nonlinear torque laws of an axis, represented as data.
 
 A torque law describes a torque, the variable that drives the torque, the states on which the torque
-acts, and the torque parameters. A law adds its torque F(w, θ), multiplied by a formula, to the
-derivatives of some states. The driving variable w is a linear combination of states, or the input.
-The following list contains all kinds of torque law, with the roles of their parameters in brackets:
+acts, and the torque parameters. For each affected state, a law multiplies its torque F(w, θ) by a
+formula and adds the product to the state derivative. The driving variable w is a linear combination
+of states, or the input. The following list contains all kinds of torque law, with the roles of
+their parameters in brackets:
 
 bristle (coulomb, breakaway, stribeck, stiffness, damping, softness)
     LuGre friction, which approaches Coulomb friction as the bristles become stiff. The bristle
     torque p at the speed v follows ṗ = σ₀ [v − |v| p/g(v)], and the friction torque is F = p +
     σ₁/σ₀ ṗ. The steady-state bristle torque is g(v) = [f_c + f_s exp(−(v/v_s)²)] tanh(|v|/v_0). If
-    v_0 is zero, the factor tanh(|v|/v_0) is replaced by one. The friction law comes from *A new
-    model for control of systems with friction* (Canudas de Wit, Olsson, Åström and Lischinsky,
+    v_0 is zero, the factor tanh(|v|/v_0) is replaced by one. The LuGre friction law comes from *A
+    new model for control of systems with friction* (Canudas de Wit, Olsson, Åström and Lischinsky,
     1995).
 
 static (coulomb, breakaway, alpha, beta)
@@ -23,20 +24,20 @@ spring (cubic, gap)
     d is the part of the twist x outside the gap.
 
 sinusoid (sine, cosine, poles)
-    The torque F = a sin(N φ) + b cos(N φ), which is periodic in the angle. The torque represents
-    cogging, or gravity if N = 1.
+    The torque F = a sin(N φ) + b cos(N φ), which is periodic in the angle. The sinusoidal torque
+    represents cogging, or gravity if the number of waves N is one.
 
 gear (coulomb, breakaway, stribeck, sharpness, motor, external, motor_slow, external_slow,
 softness; input, stiffness, ratio)
     Friction that increases with the gear load, F = [f_c + |μ_e τ_g + μ_m τ_u| + (f_s + |μ_es τ_g +
-    μ_ms τ_u|) exp(−|v/v_s|^α)] tanh(v/v_0). The torques in F are τ_u = k_T u and τ_g = r k_g x. The
-    gear twist x is the driving variable of the law ``spring`` in the same model. The friction law
-    is model M5 in *Extended friction models for the physics simulation of servo actuators*
-    (Duclusaud, Passault, Padois and Ly, arXiv:2410.08650). The paper on servo actuators uses the
-    opposite sign for the gear torque.
+    μ_ms τ_u|) exp(−|v/v_s|^α)] tanh(v/v_0). The friction torque F depends on the motor torque τ_u =
+    k_T u and the gear torque τ_g = r k_g x. The gear twist x is the driving variable of the law
+    ``spring`` in the same model. The load-dependent friction law is model M5 in *Extended friction
+    models for the physics simulation of servo actuators* (Duclusaud, Passault, Padois and Ly,
+    arXiv:2410.08650). The paper on servo actuators uses the opposite sign for the gear torque.
 
 clip (limit)
-    The torque limit of the motor drive, where F is the input u clipped to ± the limit, minus u.
+    The torque limit of the motor drive, where the torque F is the clipped input minus the input u.
 """
 
 from collections.abc import Mapping
@@ -199,8 +200,8 @@ class Law:
         Formulas that multiply the torque F in the state derivatives, keyed by state name. For
         example, the formula ``"-1/J_m"`` belongs to a torque that brakes the motor.
     parameters : mapping of str to (str or float)
-        Names of model parameters, or numerical values, keyed by role. A role that is not listed has
-        the value 0.
+        Names of model parameters, or numerical values, keyed by role. A parameter role that is not
+        listed has the value 0.
 
     Raises
     ------

@@ -44,9 +44,9 @@ def fixable(model: Model) -> tuple[str, ...]:
     """
     Return the parameters that are fixed if the initialisation data do not excite them.
 
-    The result includes the structural parameters and the parameters of backlash and nonlinear
-    springs. Friction parameters are excluded because the filter tracks them. Cogging parameters are
-    excluded because cogging affects the output at any speed.
+    The returned parameters are the structural parameters and the parameters of backlash and
+    nonlinear springs. Friction parameters are excluded because the filter tracks them. Cogging
+    parameters are excluded because cogging affects the output at any speed.
     """
     laws = (n for law in model.laws for role, n in law.own.items() if law.roles[role].fixable)
     return (*structure(model), *laws)
@@ -56,12 +56,12 @@ def structure(model: Model) -> tuple[str, ...]:
     """
     Return the parameters of a linear model that are learnt only once.
 
-    The result includes springs and dampers, which act between states, and at most one inertia. The
-    nominal values of springs, dampers and inertias are usually computed instead of measured, and
-    the true values do not change in use. If the model contains springs or dampers, the result
-    includes the inertia on which the input acts, because the vibration modes determine the ratios
-    of all inertias. If the model contains neither springs nor dampers, the inertia is excluded,
-    because the data do not determine the scale of all torques.
+    The returned parameters include springs and dampers, which act between states, and at most one
+    inertia. The nominal values of springs, dampers and inertias are usually computed instead of
+    measured, and the true values do not change in use. If the model contains springs or dampers,
+    the inertia on which the input acts is included, because the vibration modes determine the
+    ratios of all inertias. If the model contains neither springs nor dampers, the inertia is
+    excluded, because the data do not determine the scale of all torques.
     """
     n, terms = len(model.states), list(replace(model, laws=()).monomials())
     springs, inertias = [], []
@@ -81,9 +81,10 @@ NEAR = 2.5
 """
 Largest allowed ratio between corresponding poles of a model and of the nominal axis.
 
-A model whose poles differ by at most a factor of ``NEAR`` counts as the nominal axis. The ratio is
-large enough for models whose parameters are half or twice the true values. For comparison, the
-motor of the test axis "n2" coasts 11 times as long as the motor of the nominal axis "n1".
+If the poles of a model and of the nominal axis differ by at most a factor of ``NEAR``, the model is
+treated as the nominal axis. The allowed ratio is large enough for models whose parameters are half
+or twice the true values. For comparison, the motor of the test axis "n2" coasts 11 times as long as
+the motor of the nominal axis "n1".
 """
 STARTED = 4.0  # largest ratio between the initial estimate of a parameter and its nominal value
 SAME = 1e-9  # relative tolerance for the values of all other parameters

@@ -57,7 +57,7 @@ class Model:
     Raises
     ------
     EstimatorError
-        If the table sizes do not match, or an entry cannot be read. The error also occurs if a
+        If the table sizes do not match, or an entry cannot be read. The error is also raised if a
         nominal value is missing, not finite or of the wrong sign.
 
     Examples
@@ -150,9 +150,10 @@ class Model:
         """
         Yield row, column and monomial of each term in the block matrix [A B; C 0].
 
-        The block matrix first contains the states of the linear model. The rows and columns of the
-        torque law states follow and are empty. The torques of all laws come last. The matrix column
-        of a torque contains the formulas in ``acts``.
+        The first rows and columns of the block matrix belong to the states of the linear model. The
+        rows and columns of the torque law states follow those of the linear model and are empty.
+        The last rows and columns of states belong to the torques of all laws. The matrix column of
+        a torque contains the formulas in the law's attribute ``acts``.
         """
         more = ["0"] * (sum(LAWS[law.kind].remembers for law in self.laws) + len(self.laws))
         rows = [[*row, *more, b] for row, b in zip(self.A, self.B, strict=True)]

@@ -27,12 +27,12 @@ Record type of a nonlinear torque law.
 
 The field ``kind`` is the index of the law's kind in `KINDS`. The field ``memory`` is the index of
 the law's own state, or −1 for a law without a state. The field ``load`` is the index of the law
-that acts as load, or −1 for a law without a load. The field ``force`` is the last torque. The
-fields ``offset``, ``change`` and ``reach`` belong to the search in `reaction`. For each role, the
-field ``parameter`` is the index i of an identified parameter, and the field ``value`` is a factor
-that multiplies θ_i. If ``parameter`` is −1, ``value`` is the parameter value itself. The field
-``roles`` contains the parameters of the law at θ, and ``local`` contains the torque and its
-derivatives.
+that acts as load, or −1 for a law without a load. The field ``force`` is the torque in the last
+step. The fields ``offset``, ``change`` and ``reach`` store intermediate results of the Newton
+search in `reaction`. For each role, the field ``parameter`` is the index i of an identified
+parameter, and the field ``value`` is a factor that multiplies θ_i. If ``parameter`` is −1,
+``value`` is the parameter value itself. The field ``roles`` contains the parameters of the law at
+θ, and ``local`` contains the torque and its derivatives.
 """
 
 
@@ -174,7 +174,7 @@ class Parametrization:
 
     def matrices(self, theta: ArrayLike) -> tuple[Array, Array, Array]:
         """
-        Return A (n, n), B (n, 1) and C (1, n) of the paper's equations (3) and (4) at θ.
+        Return A (n, n), B (n, 1) and C (1, n) of equations (3) and (4) at θ.
 
         Parameters
         ----------

@@ -2,11 +2,11 @@
 An implicit solution for nonlinear torques, which are treated as constant over a step.
 
 For constant torques F, the linear part has the exact solution x⁺ = Φ x + Γ_u u + Γ_F F over a step
-of length h. Each torque law uses the mean w̄ = ½ D (x + x⁺) of its driving variable at both ends of
-the step. Therefore w̄ = c + G F(w̄) with c = ½ D (x + Φ x + Γ_u u) and G = ½ D Γ_F. The equations
-of all torque laws are solved simultaneously. The integration scheme has second order and is stable
-for any friction stiffness. The exact derivatives follow from (I − G F_w) w̄' = c' + G' F + G (F_s
-s' + F_θ).
+of length h. Each torque law uses the mean w̄ = ½ D (x + x⁺) of its driving variable at the start
+and at the end of the step. Therefore w̄ = c + G F(w̄) with c = ½ D (x + Φ x + Γ_u u) and G = ½ D
+Γ_F. The equations of all torque laws are solved simultaneously. The integration scheme has second
+order and is stable for any friction stiffness. The exact derivatives w̄' of the mean driving
+variables follow from (I − G F_w) w̄' = c' + G' F + G (F_s s' + F_θ).
 """
 
 import numpy as np
@@ -32,7 +32,12 @@ LEAST_SHARE = 1 / 64  # smallest fraction of a step if the steps reverse without
 
 @fused
 def half_drives(drive, X, u, w):
-    """Compute w = ½ D [x; u] (L, lanes) and the derivatives of w from the states X (≥ n, lanes)."""
+    """
+    Compute half of all driving variables, w = ½ D [x; u], and their derivatives.
+
+    The states x and their derivatives are the first rows of X (≥ n, lanes). The function writes its
+    results to ``w`` (L, lanes).
+    """
     n = drive.shape[1] - 1
     for i in range(len(drive)):
         w[i] = 0.0
@@ -64,10 +69,11 @@ def react(axis, h, u, X):
         ``drive`` (L, n+1) contains the coefficients D of the n states and of the input in the
         driving variables of the laws. The array ``response`` (L, N, lanes) contains the change Γ_F
         of each row of X that a constant unit torque causes over a step. The array ``coupling`` (L,
-        L, lanes) contains the columns of G = ½ D Γ_F. The array ``lanes[0]`` (L, lanes) contains
-        half of the driving variables before the step. The function writes the mean driving
-        variables w̄ to ``lanes[1]`` and the torques F to ``lanes[2]``, with all derivatives. The
-        function also overwrites ``work`` (L, 2 L), whose right half becomes (I − G F_w)⁻¹.
+        L, lanes) contains the columns of G = ½ D Γ_F, the effect of the torques on the mean driving
+        variables. The array ``lanes[0]`` (L, lanes) contains half of the driving variables before
+        the step. The function writes the mean driving variables w̄ to ``lanes[1]`` and the torques
+        F to ``lanes[2]``, with all derivatives. The function also overwrites ``work`` (L, 2 L),
+        whose right half becomes (I − G F_w)⁻¹.
     h : float
         Length of the integration step [s].
     u : float
@@ -97,7 +103,7 @@ def react(axis, h, u, X):
 
 @fused
 def _differentiate(laws, coupling, work, X, mean, torque):  # noqa: PLR0917
-    """Write (I − G F_w) w̄' to ``mean`` and F' to ``torque``, both except for the first lane."""
+    """Write the derivatives (I − G F_w) w̄' to ``mean`` and F' to ``torque``, except for lane 0."""
     L = len(laws)
     for i in range(L):
         law = laws[i]
@@ -145,11 +151,11 @@ def _remember(laws, work, mean, X):
 @inlined
 def _search(laws, h, u, X, coupling, work, mean):  # noqa: PLR0917
     """
-    Solve w̄ = c + G F(w̄) by Newton's method, starting from the torques of the previous step.
+    Solve w̄ = c + G F(w̄) by Newton's method; the search starts from the torques of the last step.
 
     If friction decreases steeply with speed, the equation for w̄ can have several solutions,
-    possibly far from the start. If Newton's method does not converge, w̄ moves in the direction of
-    the residual, usually to the next stable solution.
+    possibly far from the initial value. If Newton's method does not converge, w̄ moves in the
+    direction of the residual, usually to the next stable solution.
 
     The array ``mean[:, 0]`` contains c before the search and w̄ after the search. After the search,
     ``local`` of each law contains the torque and the derivatives at w̄, and the right half of

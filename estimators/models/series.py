@@ -1,9 +1,10 @@
 """
 Integration of a model and its derivatives over a sample by equations (17)–(24).
 
-The block matrix N = [A B; 0 0] T/s and the output row C represent a model. N and C are stored as
-tables of terms c Πθ^e. The powers of N are computed once for each sample. The powers of N determine
-the state transition and the derivative of the state transition with respect to each entry of N:
+The block matrix N = [A B; 0 0] T/s and the output row C represent a model. The matrices N and C are
+stored as tables of terms c Πθ^e. The powers of N are computed once for each sample. The powers of N
+determine the state transition and the derivative of the state transition with respect to each entry
+of N:
 
     Φ(θ) = Σ_k N^k/k!                                            transition of [x; u], (20)
 
@@ -17,8 +18,8 @@ Each row of X (n+1, lanes) contains a state and its derivatives. The last row of
 output and the derivatives of the output. The derivatives are taken with respect to each θ_i and, in
 Kalman filters, with respect to the state at the start of the sample. The last states are the
 nonlinear torques, which the linear part of the model treats as constant. The module
-`flexaxis.estimators.models.discretisation` computes the same state transition with a matrix
-exponential.
+`flexaxis.estimators.models.discretisation` computes the state transition with a matrix exponential
+instead.
 """
 
 from typing import Annotated, NamedTuple
@@ -192,7 +193,7 @@ def powers(entries, output, order, Q):
 
 @fused
 def effects(entries, output, held, order, Q, xi, trail, g, effect):  # noqa: PLR0917
-    """Write the product ∂Φ/∂N_rc ξ for each term that depends on θ to ``effect``."""
+    """For each term that depends on θ, write the product ∂Φ/∂N_rc ξ to ``effect``."""
     columns = len(Q) // (order + 2)
     for i in range(held):
         trail[0, i] = xi[i, 0]

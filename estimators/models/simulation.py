@@ -18,7 +18,7 @@ LEAST = 1e-300  # value that replaces a zero parameter of the linear model
 
 
 class Simulation(NamedTuple):
-    """The model, θ (p,), and X (n+1, lanes) with states, output and all derivatives."""
+    """The model, the parameters θ (p,), and the states, output and derivatives X (n+1, lanes)."""
 
     axis: Axis
     theta: Vector

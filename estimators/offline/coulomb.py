@@ -110,7 +110,7 @@ def follow(axis, x, torque):
     x : (n+1,) array
         State before the first sample, which is overwritten with the state after the last sample.
     torque : (N,) array
-        Torque of each sample, which is constant over the sample.
+        Motor torque in each sample; the torque is constant over a sample.
     """
     v, after = axis.speed, np.zeros(len(x))
     hold = abs(axis.pull[-2] * axis.level)

@@ -114,7 +114,7 @@ def information(
     period: float,
 ) -> Array:
     """
-    Return the matrix Q = E ψψᵀ (p, p) for the spectrum of a torque.
+    Return the information matrix Q = E ψψᵀ (p, p) of the gradient ψ for a torque spectrum.
 
     Parameters
     ----------
@@ -123,7 +123,8 @@ def information(
         Identified parameters.
     omega, power : (M,) array_like
         Frequencies [rad/s] and mean squares of the spectral lines, as returned by `line_spectrum`.
-        The diagonal of Q is the integral (28), which is computed as a sum over the spectral lines.
+        Each diagonal element of Q is an integral as in equation (28), computed as a sum over the
+        spectral lines.
     period : float
         Sampling period T [s].
     """

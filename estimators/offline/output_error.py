@@ -47,7 +47,8 @@ class Identified:
         parameter change of a given size has on the output, divided by the smallest effect. A
         condition number of 1e10 or more indicates a singular problem.
     warnings : tuple of str
-        Reasons to doubt the estimates, in words. The tuple is empty if there are no such reasons.
+        Reasons to doubt the estimates, in words. The tuple is empty if there is no reason to doubt
+        the estimates.
     """
 
     names: tuple[str, ...]
@@ -59,7 +60,7 @@ class Identified:
 
     @property
     def standard_deviations(self) -> Array:
-        """Standard deviation (p,) of each estimate."""
+        """Standard deviations of the estimates (p,)."""
         return np.sqrt(np.diag(self.covariance))
 
 
@@ -100,9 +101,10 @@ def output_error(
 
     Notes
     -----
-    The sum of squared residuals has local minima. For the paper's three parameters, a search that
-    starts at 0.85 to 1.7 times the true values finds the true values. A search that starts at 0.7
-    or 2 times the true values does not find the true values, but returns a warning.
+    The sum of squared residuals has local minima. For the three parameters of Östring and
+    Gunnarsson, a search that starts at 0.85 to 1.7 times the true values finds the true values. A
+    search that starts at 0.7 or 2 times the true values does not find the true values, but returns
+    a warning.
     """
     u, y, _ = check_signals(u, y)
     chosen = model.parametrize(identify)
@@ -132,7 +134,7 @@ def _result(names: tuple[str, ...], scale: Array, search: OptimizeResult) -> Ide
     deviations = np.sqrt(variance) / singular
     correlation = float(residual[1:] @ residual[:-1] / (residual @ residual))
     problems = [
-        f"the estimate of {name} is at a bound of the search range"
+        f"the estimate of {name} is at a limit of the search range"
         for name, side in zip(names, search.active_mask, strict=True)
         if side
     ]

@@ -45,7 +45,7 @@ class Fitted:
     Attributes
     ----------
     problem : Problem
-        The problem that is solved, with trajectory, record and bounds.
+        The fitting problem, with trajectory, record and bounds.
     z : (q,) array
         Current values of the unknowns.
     residual, slopes : (N,), (q, N) arrays
@@ -66,17 +66,17 @@ class Fitted:
 
     @cached_property
     def good(self) -> Flags:
-        """For each sample (N,), whether the fit uses the sample."""
+        """Mask that is True for the samples that the fit uses, as an array (N,)."""
         return settled(self.problem.ok, len(self.inverse))
 
     @cached_property
     def white(self) -> Array:
-        """Residual (N,) after the whitening filter."""
+        """Residual after the whitening filter (N,)."""
         return lfilter(self.inverse, 1.0, self.residual)
 
     @cached_property
     def gradient(self) -> Array:
-        """Derivatives (q, N) after whitening, or 0 for initial states without a lasting effect."""
+        """Whitened derivatives (q, N), with zeros for initial states without a lasting effect."""
         J = lfilter(self.inverse, 1.0, self.slopes, axis=1) * self.good
         size, seen = (np.linalg.norm(rows, axis=1) for rows in (self.slopes, J))
         states = slice(self.problem.trajectory.first, -2)
@@ -91,7 +91,7 @@ class Fitted:
 
     @cached_property
     def curvature(self) -> tuple[Array, Array]:
-        """Half the Hessian (q, q) and half the negative gradient (q,) of the mean square."""
+        """Half the Hessian (q, q) and half the negative gradient (q,) of the cost function."""
         J, N = self.gradient, self.good.sum()
         return J @ J.T / N, J @ self.white / N
 
@@ -102,7 +102,7 @@ class Fitted:
 
     @property
     def deviations(self) -> Array:
-        """Standard deviation (q,) of each unknown."""
+        """Standard deviations of the unknowns (q,)."""
         return np.sqrt(np.diag(self.covariance))
 
     def step(self, damping: float = 0.0) -> Array:
@@ -121,7 +121,7 @@ class Fitted:
     @property
     def left(self) -> float:
         """
-        Distance (N gᵀH⁻¹g/σ²)^½ to the minimum, in standard deviations.
+        Distance to the minimum in standard deviations of the unknowns, (N gᵀH⁻¹g/σ²)^½.
 
         The distance is the length of a Gauss–Newton step of all unknowns, and does not depend on
         units.
@@ -133,7 +133,7 @@ class Fitted:
         return float(np.sqrt(max(gain, 0.0) * self.good.sum() / self.square))
 
     def gained(self, before: "Fitted") -> float:
-        """Return the square root of the decrease of −2 log L relative to an earlier fit."""
+        """Return the square root of the decrease of −2 log-likelihood since an earlier fit."""
         return float(np.sqrt(max(before.square / self.square - 1, 0.0) * self.good.sum()))
 
 
@@ -164,7 +164,7 @@ class Problem:
     held: Flags
 
     def noise(self, residual: Array) -> Array:
-        """Return the coefficients (n+1,) of a filter that whitens the given residual."""
+        """Return the coefficients of a filter that whitens the given residual (n+1,)."""
         highest = HIGHEST_ORDER
         # the memory of the filter must not contain a gap for at least half of the samples
         while highest and np.mean(settled(self.ok, highest + 1)[self.ok]) < 0.5:
@@ -172,7 +172,7 @@ class Problem:
         return noise_model(residual, highest, self.ok)
 
     def at(self, z: Array, inverse: Array) -> Fitted:
-        """Simulate at z and return the fit; a failed simulation has an infinite mean square."""
+        """Return the fit at the unknowns z; a failed simulation has an infinite mean square."""
         z = np.clip(z, self.lower, self.upper)
         if self.trajectory.fastest(z[: self.trajectory.p]) > FASTEST:
             N = len(self.y)
@@ -185,11 +185,11 @@ class Problem:
         self, at: Fitted, most: int = EVALUATIONS, near: float = CONVERGED, damping: float = CAREFUL
     ) -> tuple[Fitted, bool]:
         """
-        Minimise the mean square by the Levenberg–Marquardt method; return fit and convergence.
+        Minimise the mean squared residual by the Levenberg–Marquardt method, and return the fit.
 
-        The returned flag is True if the search has converged. The search has converged if the
-        distance to the minimum is at most ``near`` standard deviations. The search has also
-        converged if a step reduces the misfit by no more than a step of ``near`` standard
+        The method also returns a flag, which is True if the search has converged. The search has
+        converged if the distance to the minimum is at most ``near`` standard deviations. The search
+        has also converged if a step reduces the misfit by no more than a step of ``near`` standard
         deviations would.
         """
         for _ in range(most):
@@ -239,7 +239,7 @@ class Problem:
 
 
 def settled(ok: Flags, length: int) -> Flags:
-    """Return for each sample (N,) whether the last ``length`` samples are all usable."""
+    """Return for each sample whether all of the last ``length`` samples are usable (N,)."""
     return np.convolve(~ok, np.ones(length))[: len(ok)] < 0.5
 
 
@@ -271,7 +271,7 @@ def inverse_of(H: Array, damping: float = 0.0) -> Array:
 
 def pieces(ok: Flags, key: Array | None = None) -> NDArray[np.int64]:
     """
-    Return the segment number (N,) of each sample; segments have equally many usable samples.
+    Divide the samples into segments with equally many usable samples; return segment numbers (N,).
 
     The segments are intervals of time, or intervals of a signal ``key`` (N,) such as the speed.
     """
@@ -283,13 +283,14 @@ def pieces(ok: Flags, key: Array | None = None) -> NDArray[np.int64]:
 
 def jackknife(J: Array, e: Array, good: Flags, key: Array | None = None) -> Array:
     """
-    Return jackknife standard deviations (q,) for a regression of e (N,) on the rows of J (q, N).
+    Return jackknife standard deviations of regression coefficients, as an array (q,).
 
+    The regression represents the residuals e (N,) as a linear combination of the rows of J (q, N).
     The function `pieces` divides the record into segments, and the jackknife omits each segment
-    once. One Gauss–Newton step from the full estimate yields the estimate without a segment. For
-    white noise, the jackknife standard deviations agree with the covariance. Model errors increase
-    the jackknife standard deviations. The method is described in *The jackknife estimate of
-    variance* (Efron and Stein, 1981).
+    once. One Gauss–Newton step from the estimate for the full record yields the estimate without a
+    segment. For white noise, the jackknife standard deviations agree with the covariance. Model
+    errors increase the jackknife standard deviations. The method is described in *The jackknife
+    estimate of variance* (Efron and Stein, 1981).
     """
     number = np.where(good, pieces(good, key), PIECES)
     parts = [J[:, number == i] for i in range(PIECES)]

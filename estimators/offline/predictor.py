@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 def as_torque(values: ArrayLike) -> Array:
     """
-    Convert a torque record (N,) [N m] to a contiguous array of floats.
+    Convert a torque record [N m] to a contiguous array of floats (N,).
 
     Raises
     ------

@@ -1,13 +1,13 @@
 """
-Initial values P(0) and Δ, and the tracking speed and noise of the resulting estimates.
+Initial covariance P(0), drift covariance Δ, and the resulting tracking speed and noise.
 
-The functions in `priors` compute P(0) and Δ by the paper's recipe. The module also contains stored
-values of P(0) and Δ for the nominal axis. Near the true parameters, the estimation error follows θ̃
-← (I − P Q) θ̃ + P ψ e on average, where Q = E ψψᵀ and e is white noise of variance σ². In steady
-state, P fulfils equation (29) or (30), so P, the tracking speed and the noise of the estimates
-depend only on Q. The theory comes from *Adaptation and tracking in system identification – a
-survey* (Ljung and Gunnarsson, 1990). The theory applies to slow adaptation, with time constants
-that are much longer than the time constants of the axis.
+The functions in `priors` compute P(0) and Δ by the recipe of Östring and Gunnarsson. The module
+also contains stored values of P(0) and Δ for the nominal axis. Near the true parameters, the
+estimation error follows θ̃ ← (I − P Q) θ̃ + P ψ e on average, where Q = E ψψᵀ and e is white noise
+of variance σ². In steady state, P fulfils equation (29) or (30), so P, the tracking speed and the
+noise of the estimates depend only on Q. The theory comes from *Adaptation and tracking in system
+identification – a survey* (Ljung and Gunnarsson, 1990). The theory applies to slow adaptation, with
+time constants that are much longer than the time constants of the axis.
 """
 
 import pickle
@@ -51,10 +51,10 @@ def nominal_P(
     **options: Any,
 ) -> Array:
     """
-    Return the diagonal of P(0), computed by the recipe in section 5.2 of the paper.
+    Compute the diagonal of P(0) by the recipe in section 5.2 of Östring and Gunnarsson.
 
-    The recipe updates P with the gradient ψ at the nominal parameters. P(0) is the mean of the
-    diagonal of P over the second half of the record, after the transient.
+    The recipe updates P with the gradient ψ at the nominal parameters. The returned diagonal of
+    P(0) is the mean of the diagonal of P over the second half of the record, after the transient.
 
     Parameters
     ----------
@@ -131,9 +131,9 @@ def default_drift(
     The estimate of θ_i then follows parameter changes with the time constant τ_i, regardless of the
     units. If the poles of the model are similar to the poles of the nominal axis, τ_i are the time
     constants that equation (32) implies for the nominal axis. For any other model, all τ_i equal
-    the geometric mean of the time constants for the nominal axis. Without a torque, Δ is given by
-    equation (32) for the nominal axis, and is proportional to θ_i² for any other axis. The default
-    Δ is proportional to T² in all cases.
+    the geometric mean of the time constants for the nominal axis. If no torque is given, Δ_ii comes
+    from equation (32) for the nominal axis, and is proportional to θ_i² for any other axis. With or
+    without a torque, the default Δ is proportional to the squared sampling period T².
 
     Parameters
     ----------
@@ -193,7 +193,7 @@ def stored_P(
 
 def known_P(names: Sequence[str], *, forgetting: float | None, scale: float = 1.0) -> Array | None:
     """
-    Return the stored P(0) for the paper's three parameters, or None for other parameters.
+    Return the stored P(0) for the parameters k_T, 1/J_a and f_m, or None for other parameters.
 
     The stored values are valid only for the nominal axis in its units and with its sampling period,
     which `stored_P` checks.
@@ -233,11 +233,11 @@ def steady_P(
         Matrix E ψψᵀ of equation (31), such as the matrix that
         `flexaxis.estimators.offline.frequency.information` returns.
     forgetting : float, optional
-        Forgetting factor λ, close to one. With forgetting, the steady state is P = (1−λ) Q⁻¹, as in
-        equation (29).
+        Forgetting factor λ, close to one. If ``forgetting`` is given, the steady state is P = (1−λ)
+        Q⁻¹, as in equation (29).
     drift : (p,) or (p, p) array_like, optional
-        Covariance Δ, or the diagonal of Δ. With drift, the steady state of P solves P Q P = Δ,
-        equation (30).
+        Drift covariance Δ, or the diagonal of Δ. If ``drift`` is given, the steady state of P
+        solves P Q P = Δ, equation (30).
 
     Raises
     ------
@@ -330,7 +330,7 @@ def estimate_covariance(P: ArrayLike, noise_variance: float) -> Array:
     Parameters
     ----------
     P : (p, p) array_like
-        Steady-state matrix P for a noise variance of one, as in the paper.
+        Steady-state matrix P for a noise variance of one.
     noise_variance : float
         Variance σ² of the output noise.
     """

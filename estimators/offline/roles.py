@@ -47,13 +47,13 @@ def names_of(option: str, names: object, allowed: Sequence[str]) -> tuple[str, .
 
 
 def is_left(model: Model, name: str, identify: Sequence[str]) -> bool:
-    """Return whether a model contains the parameter ``name`` but ``identify`` does not."""
+    """Return whether a model contains the parameter ``name`` but the list ``identify`` does not."""
     physical = name.removeprefix("1/")
     return physical in model.parameters and physical not in {n.removeprefix("1/") for n in identify}
 
 
 def learnt_of(model: Model, tracked: Sequence[str], learn: Sequence[str] | str) -> tuple[str, ...]:
-    """Return the parameters to learn once; "auto" omits linear parameters with the value zero."""
+    """Return the parameters to learn once; omit zero linear parameters if ``learn`` is "auto"."""
     names = structure_names(model, tracked)
     if learn == "auto":
         return tuple(n for n in names if n in model.law_parameters or model.nominal[n])

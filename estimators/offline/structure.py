@@ -25,7 +25,7 @@ from flexaxis.estimators.offline.predictor import as_torque, respond
 Array = NDArray[np.float64]
 
 TRACKED = ("k_T", "1/J_a", "f_m", "f_c")
-"""Parameters that change while an axis is in use: three in the paper, and dry friction."""
+"""Parameters that change while an axis is in use: three of the linear model, and dry friction."""
 
 TOLD = 0.2  # relative standard deviation of a parameter known from a data sheet or an old log
 DAMPING = 0.3  # relative standard deviation of a damping parameter, which is rarely measured
@@ -146,9 +146,10 @@ def _force(model: Model, acts: Array) -> float:
     """
     Return the magnitude of a law's torque that has the same effect as a unit input.
 
-    The function compares the effects on a state on which both the law and the input act. If no such
-    state exists, as for load friction, the function compares the effects on the output. This
-    comparison uses the frequency of the slowest pole, where the axis is almost rigid.
+    The function compares the effects on a state on which both the law and the input act. If the law
+    and the input act on no common state, as for load friction, the function compares the effects on
+    the output. The comparison of the effects on the output uses the frequency of the slowest pole,
+    where the axis is almost rigid.
 
     Parameters
     ----------
@@ -166,7 +167,7 @@ def _force(model: Model, acts: Array) -> float:
 
 
 def _acts(model: Model) -> Array:
-    """Return the factors (n, L) that multiply the laws' torques in the state derivatives."""
+    """Return the factors that multiply the laws' torques in the state derivatives (n, L)."""
     one = model.parametrize(model.parameters[:1])
     block, torques = one.blocks(one.theta)[0], slice(one.states, one.n)
     return np.asarray(block[: len(model.states), torques])
@@ -201,9 +202,9 @@ class Prior:
     lower, upper : (p,) arrays
         Lower and upper bounds of θ.
     scale : (p,) array
-        Divisors that make θ relative. The divisor of a torque law parameter is the standard
-        deviation of an unknown value, because the parameter can be zero. The divisor of any other
-        parameter is θ(0).
+        Scales that make the parameters θ dimensionless. The scale of a torque law parameter is the
+        prior standard deviation of an unknown value, because the parameter can be zero. The scale
+        of any other parameter is θ(0).
     """
 
     names: tuple[str, ...]
@@ -215,12 +216,12 @@ class Prior:
 
     @property
     def P0(self) -> Array:
-        """Prior variances (p,) of the parameters."""
+        """Prior variances of the parameters (p,)."""
         return self.deviation**2
 
     @property
     def bounds(self) -> tuple[Array, Array]:
-        """Lower and upper bounds (p,) of θ, in the format of the filter option ``bounds``."""
+        """Lower and upper bounds of θ (p,), in the format of the filter option ``bounds``."""
         return self.lower, self.upper
 
 
@@ -282,7 +283,8 @@ def structure_names(model: Model, tracked: Sequence[str] = TRACKED) -> tuple[str
     model : Model
         Model as returned by `with_laws`.
     tracked : sequence of str
-        Names of the parameters or inverse parameters that the estimator tracks instead.
+        Names of the parameters or inverse parameters that the estimator tracks instead of learning
+        them once.
     """
     taken = {name.removeprefix("1/") for name in tracked}
     laws = [
@@ -352,7 +354,7 @@ def _of_law(guess: Array, start: float, told: bool) -> tuple[float, ...]:
 
 
 def _guess(role: str, law: Law, sizes: Sizes) -> Array:
-    """Return start, deviation, lower and upper bound of a law parameter in SI units."""
+    """Return initial value, standard deviation and both bounds of a law parameter in SI units."""
     known = law.roles[role]
     if not known.size:  # a data-sheet value, such as a number of poles
         raise EstimatorError(

@@ -1,4 +1,4 @@
-"""The simulated output of a model for a record, and derivatives by all unknowns."""
+"""The simulated output of a model for a record, with derivatives for all unknowns."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -24,7 +24,7 @@ LEAST = 1e-3  # rad/s or rad, smallest magnitude to which STEP is applied, for i
 
 def delayed(u: ArrayLike, samples: float, *, smooth: bool = False) -> Array:
     """
-    Return the mean torque (N,) that a delayed torque exerts during each sample.
+    Return the mean torque that a delayed torque exerts during each sample, as an array (N,).
 
     If a piecewise constant torque u is delayed by n + δ samples, the delayed torque equals u[k−n−1]
     during the first fraction δ of sample k, and u[k−n] afterwards. The mean torque is the linear
@@ -76,8 +76,8 @@ class Trajectory:
     begins : tuple of int
         Indices of the samples at which the segments of the record begin. Each segment has its own
         initial state, because neither the torque in a gap nor the state after the gap is known. The
-        output is 0 up to the start of the first segment. At the start of any other segment, the
-        output still belongs to the previous segment.
+        output is 0 up to the start of the first segment. At the first sample of any later segment,
+        the output still depends on the states of the previous segment.
     beside : (m, N) array
         Additional torques, such as the sine of a measured angle. An unknown gain multiplies each
         additional torque.
@@ -161,7 +161,7 @@ class Trajectory:
         return y, slopes
 
     def _steps(self, z: Array) -> Array:
-        """Return the step sizes (q,) of the unknowns for numerical derivatives."""
+        """Return the step sizes of all unknowns for numerical derivatives, as an array (q,)."""
         size = np.full(self.q, LEAST)
         size[: self.p] = np.where(self.model.theta, abs(self.model.theta), LEAST)
         size[self.p : self.first] = size[-2] = np.std(self.u)
@@ -171,7 +171,7 @@ class Trajectory:
         return list(pairwise([*self.begins, len(self.u) - 1]))
 
     def _simulated(self, z: Array) -> tuple[Array, Array]:
-        """Return ŷ (N,) and the derivatives (q, N) that step-by-step integration provides."""
+        """Return the output ŷ (N,) and the derivatives (q, N) that the integration provides."""
         p, theta, free = self.p, z[: self.p], self.free
         torque = delayed(self.u, z[-1] / self.period, smooth=self.smooth) + z[-2]
         torque += z[p : self.first] @ self.beside if len(self.beside) else 0.0

@@ -93,7 +93,7 @@ REFUSALS = [
     ({"theta0": [1.0, 0.0, 1.0]}, "contain zero"),
     ({"bounds": (THETA * 1.1, THETA * 2)}, "do not enclose theta0"),
     ({"bounds": (THETA[:2], THETA * 2)}, "bounds is .*; give 3 finite values"),
-    ({"regularization": -1.0}, "regularization is -1.0, but μ must be finite and ≥ 0"),
+    ({"regularization": -1.0}, "regularization is -1.0, but the weight μ must be finite and ≥ 0"),
     ({"period": 0.0}, "period is 0.0"),
     ({"noise": 0.0}, "noise is 0.0"),
     ({"noise": -1.0}, "noise is -1.0"),

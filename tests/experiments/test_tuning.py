@@ -95,7 +95,7 @@ def test_a_forgetting_factor_by_any_name_stays_below_one(own, factor):
 def test_an_option_is_turned_as_its_class_says(own):
     assert parse(with_knob(own("Mine"), 2.0)).options == {"lam": 0.98}
     assert parse(with_knob(own("Window"), 2.0)).options == {"low": 0.05}
-    with pytest.raises(ValueError, match=r"'lwo' is not an option.*did you mean 'low'"):
+    with pytest.raises(ValueError, match=r"'lwo', which is not an option.*did you mean 'low'"):
         with_knob(own("Wrong"), 2.0)
 
 
