@@ -1,9 +1,9 @@
 """Check whether an estimator follows the rules that are necessary for valid scores.
 
-The function for a rule runs new instances of the estimator on a simulated record, and returns the
-outcome of the check and a text. The outcome is True if the estimator follows the rule, False if the
-estimator breaks the rule, and None if the rule does not apply. The text describes the behaviour of
-the estimator.
+Each rule has a function that runs new instances of the estimator on a simulated record. The
+function returns the outcome of the check and an explanation. The outcome is True if the estimator
+follows the rule, False if the estimator breaks the rule, and None if the rule does not apply. The
+explanation describes how the estimator behaved.
 """
 
 import time
@@ -53,7 +53,7 @@ class Subject:
         return build(self.spec, self.scenario)
 
     def run(self, u: Array, y: Array) -> Array:
-        """Run a new instance of the estimator on copies of u and y; return the estimates (N, p)."""
+        """Run a new estimator on copies of torque u and output y; return the estimates (N, p)."""
         return run_estimator(self.make(), u.copy(), y.copy())
 
     @cached_property
@@ -63,14 +63,14 @@ class Subject:
 
     @cached_property
     def nominal(self) -> Array:
-        """Absolute values (p,) of the first estimates, for normalising differences between runs."""
+        """Absolute values of the first estimates (p,), by which differences are divided."""
         sizes = np.abs(self.theta[0])
         return np.where(np.isfinite(sizes) & (sizes > 0), sizes, 1.0)
 
     def gaps(self, one: Array, other: Array) -> Array:
-        """Return the largest difference (N,) between the estimates (N, p) of two runs per sample.
+        """Return the largest difference between the estimates (N, p) of two runs, per sample (N,).
 
-        The differences between the estimates are divided by `nominal`.
+        The differences are divided by `nominal`, the absolute values of the first estimates.
         """
         with np.errstate(invalid="ignore", over="ignore"):
             gap = np.abs(one - other) / self.nominal
@@ -151,8 +151,9 @@ def no_look_ahead(subject: Subject) -> Seen:
         wrong = np.flatnonzero(~(apart < 1e-12))
         if wrong.size:
             return False, (
-                f"a change after sample {cut} changed the estimate at sample {wrong[0]}, which is "
-                f"{cut + 1 - wrong[0]} samples earlier, by {apart[wrong].max():.2g} of nominal"
+                f"a change of u and y after sample {cut} changed the estimates from sample "
+                f"{wrong[0]} on, which is {cut + 1 - wrong[0]} samples earlier, by up to "
+                f"{apart[wrong].max():.2g} of the nominal values"
             )
     return True, f"changes after samples {', '.join(map(str, CUTS))} affected no earlier estimate"
 
@@ -173,7 +174,7 @@ def keeps_no_reference(subject: Subject) -> Seen:
     faults = {
         "run modifies its input arrays": not intact,
         "overwriting old input arrays changed later estimates": subject.apart(rest, expected) > 0,
-        "an array returned by step changes later": not np.array_equal(first, before),
+        "an array that step returned changed in later calls": not np.array_equal(first, before),
     }
     seen = [text for text, wrong in faults.items() if wrong]
     return not seen, ", ".join(seen) or "the estimator copies its inputs and outputs"
@@ -227,7 +228,7 @@ def cost(subject: Subject) -> Seen:
 
 
 def a_shift_of_u_hurts(subject: Subject) -> Seen:
-    """Check that shifting u by one sample, in either direction, makes the estimates worse."""
+    """Check that a shift of the torque u by one sample, early or late, worsens the estimates."""
     if (np.ptp(subject.theta, axis=0) / subject.nominal).max() < MOVES:
         return None, "the estimates are constant"
     shifted = (np.r_[0.0, subject.u[:-1]], np.r_[subject.u[1:], 0.0])

@@ -11,7 +11,7 @@ TEMPLATES = {
     ".c": ("my_estimator.c", "flexaxis.h"),
     ".m": ("my_estimator.m",),
 }
-"""Files of each template, keyed by file suffix; `new` renames the first file as requested."""
+"""Files of each template, keyed by file suffix; the function `new` renames the first file."""
 
 
 def new(path: Path) -> list[str]:

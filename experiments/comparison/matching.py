@@ -1,9 +1,9 @@
 """Compare estimators at equal noise by interpolation between two settings of a tuning parameter.
 
-The estimator is less noisy than a reference estimator at one setting, and noisier at the other
-setting. The logarithm of the lag is interpolated linearly as a function of the logarithm of the
-noise. If the reference noise is outside the noise range of all settings, the lag at the nearest
-setting is a one-sided bound on the lag at equal noise.
+One of the two settings makes the estimator less noisy than a reference estimator, and the other
+setting makes it noisier. The logarithm of the lag is interpolated linearly as a function of the
+logarithm of the noise. If the reference noise is outside the noise range of all settings, the lag
+at the nearest setting is a one-sided bound on the lag at equal noise.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ from flexaxis.sim.scenario import Scenario
 Array = NDArray[np.float64]
 Noise = Literal["std", "excess"]
 SPREADS = {"std": ("bias", "lost_before"), "std_after": ("bias_after", "lost_after")}
-"""Names of two scores for each standard deviation: the mean error over the evaluated samples, and
-whether the run diverged before the last evaluated sample."""
+"""For each score that is a standard deviation, the names of two related scores: the mean error over
+the evaluated samples, and whether the run diverged before the last evaluated sample."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,14 +37,14 @@ class Setting:
     Attributes
     ----------
     text : str
-        Estimator, written as for the option `--estimator`.
+        Estimator, in the format of the option `--estimator`.
     factor : float
-        Setting of the tuning parameter, relative to the default setting.
+        Setting of the tuning parameter, divided by the default setting.
     rows : DataFrame
-        Scores, with one row per seed, sorted by seed. All settings of an estimator have the same
-        seeds.
+        Scores of the parameter with the fault, with one row per seed, sorted by seed. All settings
+        of an estimator have the same seeds.
     biases : ndarray (n, p)
-        Biases of the parameters that the scenario identifies, for each run [% of nominal].
+        Biases of the estimates of all identified parameters, with one row per run [% of nominal].
     information : ndarray (p, p) or None
         Matrix M of the excess error θ̃ᵀMθ̃, from `flexaxis.experiments.scoring.excess.information`.
     """
@@ -66,14 +66,15 @@ class Setting:
         return Setting(text, factor, rows, biases, information(scenario))
 
     def array(self, name: str, runs: Any = slice(None)) -> Array:
-        """Return the values (n,) of a score in all runs; undefined values are NaN."""
+        """Return the values of a score, one per run (n,); undefined values are NaN."""
         return self.rows[name].to_numpy(float)[runs]
 
     def log(self, name: str, runs: Any = slice(None)) -> float:
         """Return the logarithm of a pooled score, or NaN if the score is undefined in any run.
 
         For the excess error, the method returns the logarithm of the square root of the pooled
-        error. The score `score` is already logarithmic, so the method returns the mean of `score`.
+        excess error. `score`, the lag on a logarithmic scale, is already logarithmic, so the method
+        returns its mean.
         """
         each = self.array(name, runs)
         if name == "score" or np.isnan(each).any():
@@ -88,7 +89,7 @@ class Setting:
         return float(np.log(np.maximum(each, FLOOR)).mean())
 
     def at(self, name: str) -> Array | None:
-        """Return jackknife pseudo-values (n,) of a log score, or None if any run has no score."""
+        """Return jackknife pseudo-values of a log score (n,), or None if a run lacks the score."""
         if np.isnan(self.array(name)).any():
             return None
         return pseudo_values(lambda runs: self.log(name, runs), len(self.rows))
@@ -101,9 +102,9 @@ class Match:
     Attributes
     ----------
     how : {"matched", "quieter", "noisier"}
-        The value is "matched" if the reference noise lies between the noise levels at two settings.
-        The value is "quieter" if the estimator is less noisy than the reference at all settings.
-        The value is "noisier" if the estimator is noisier than the reference at all settings.
+        `how` is "matched" if the reference noise lies between the noise levels at two settings.
+        `how` is "quieter" if the estimator is less noisy than the reference at all settings. `how`
+        is "noisier" if the estimator is noisier than the reference at all settings.
     sides : tuple of Setting
         The two settings with noise just below and just above the reference noise, or the single
         setting whose noise is closest to the reference noise.
@@ -119,7 +120,7 @@ class Match:
     kind: Noise
 
     def apart(self, side: Setting, runs: Any = slice(None)) -> float:
-        """Return the logarithm of the noise at a setting divided by the reference noise."""
+        """Return the logarithm of the ratio of the noise at a setting to the reference noise."""
         return side.log(self.kind, runs) - self.reference.log(self.kind, runs)
 
     @property
@@ -133,7 +134,7 @@ class Match:
         return 1.0 if self.how == MATCHED else float(np.exp(self.apart(self.nearest)))
 
     def at(self, name: str) -> Array | None:
-        """Return jackknife pseudo-values (n,) of a log score at the reference noise, one per seed.
+        """Return jackknife pseudo-values of a log score at the reference noise, one per seed (n,).
 
         The mean of the pseudo-values estimates the log score. Pseudo-values of two estimators for
         the same seed form a pair. The interpolation point between the two settings depends on the

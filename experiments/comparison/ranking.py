@@ -14,7 +14,7 @@ REFERENCE = "rpem-forgetting"
 MATCHED, QUIETER, NOISIER = "matched", "quieter", "noisier"
 CONTROLS = ("frozen", "oracle-reset")  # baselines, which are not ranked
 AT_MOST = {QUIETER: "≤ ", NOISIER: "≥ "}
-"""Inequality sign to print before a lag (`AT_LEAST`: a score) if the noise is not matched."""
+"""Inequality sign before a lag if the noise is not matched; `AT_LEAST` is for scores."""
 AT_LEAST = {QUIETER: "≥ ", NOISIER: "≤ ", "mixed": "about "}
 LEVEL = 0.05  # probability that at least one of several equally good estimators is ranked as worse
 
@@ -27,10 +27,11 @@ def leaders(values: Mapping[str, Scores], *, most: bool = False) -> list[str]:
     """Return the best estimator and all estimators that are not significantly worse.
 
     The function compares pairs of estimators on their common seeds. For each estimator, the
-    function counts the other estimators that are better on average. The estimator with the smallest
-    count is the best. The function uses the same seeds to select the best estimator and to test all
-    other estimators. Therefore the significance level is corrected for all k(k−1)/2 pairs of k
-    estimators, with Bonferroni's method for the selection and Holm's method for the tests.
+    function counts the other estimators that are better on average. The best estimator has the
+    smallest number of better estimators. The function uses the same seeds to select the best
+    estimator and to test all other estimators. Therefore the significance level is corrected for
+    all k(k−1)/2 pairs of k estimators, with Bonferroni's method for the selection and Holm's method
+    for the tests.
 
     Parameters
     ----------
@@ -62,7 +63,7 @@ def leaders(values: Mapping[str, Scores], *, most: bool = False) -> list[str]:
 
 
 def by_fault(rows: Iterable[Row]) -> dict[tuple[str, str], list[Row]]:
-    """Group rows by fault, that is, by scenario and changed parameter."""
+    """Group result rows by fault, that is, by scenario and changed parameter."""
     faults: dict[tuple[str, str], list[Row]] = {}
     for row in rows:
         faults.setdefault((row["scenario"], row["parameter"]), []).append(row)
@@ -95,8 +96,8 @@ def compete(rows: Sequence[Row], score: str = "lag") -> list[Row]:
     Parameters
     ----------
     rows : sequence of mapping
-        Rows with the keys ``estimator``, ``how``, ``values`` and the name of the score. The entry
-        ``values`` contains the values of each score, one per seed.
+        Rows with the keys ``estimator``, ``how`` and ``values``, and with the name of the score as
+        a further key. The entry ``values`` contains the values of each score, one per seed.
     score : {"lag", "score"}
         Score for the ranking. A shorter lag or a higher score is better.
     """

@@ -48,11 +48,12 @@ NOISES: tuple[Noise, ...] = ("std", "excess")
 
 Line = dict[str, float]  # ratio to the default for each setting of an estimator
 Turn = Callable[[float], str | None]
-"""Function that returns the estimator text for a factor, or None if the factor is out of range."""
+"""Function that returns the estimator specification for a multiple of the default setting, or None
+if the setting is out of range."""
 
 
 def knob_of(name: str) -> Knob | None:
-    """Return the tuning parameter of an estimator, or None if there is no free tuning parameter.
+    """Return an estimator's tuning parameter; None if there is none, or if `name` has options.
 
     Raises
     ------
@@ -75,7 +76,7 @@ def knob_of(name: str) -> Knob | None:
 
 
 def with_knob(name: str, factor: float) -> str | None:
-    """Return the text of an estimator with another value of its tuning parameter.
+    """Return the specification of an estimator, with its tuning parameter set to another value.
 
     If the estimator has no tuning parameter, or if `name` already contains options, the function
     returns `name` unchanged. The function returns None if the new value is out of range.
@@ -93,10 +94,10 @@ def with_knob(name: str, factor: float) -> str | None:
 
 
 def settings(estimators: Sequence[str], *, factors: Sequence[float] = FACTORS) -> dict[str, Line]:
-    """Return the settings of each estimator that a sweep runs first.
+    """Return the initial settings of each estimator in a sweep.
 
-    An estimator without a tuning parameter has a single setting. Two estimators can share a
-    setting.
+    An estimator without a tuning parameter has a single setting. Two estimators can have a setting
+    in common.
     """
     lines: dict[str, Line] = {}
     for name in estimators:
@@ -106,12 +107,12 @@ def settings(estimators: Sequence[str], *, factors: Sequence[float] = FACTORS) -
 
 
 def texts(lines: Mapping[str, Line]) -> list[str]:
-    """Return the estimator texts of the reference and of all settings, without duplicates."""
+    """Return the specifications of the reference and of all settings, without duplicates."""
     return list(dict.fromkeys([reference(), *(text for line in lines.values() for text in line)]))
 
 
 def reference() -> str:
-    """Return the text of the reference estimator, which defines the noise for comparisons."""
+    """Return the specification of the reference estimator, which defines the noise level."""
     return str(with_knob(REFERENCE, 1.0))
 
 
@@ -124,7 +125,7 @@ class Runs:
     known: dict[tuple[str, str], pd.DataFrame] = field(default_factory=dict, repr=False)
 
     def of(self, scenario: Scenario, text: str) -> pd.DataFrame:
-        """Return the scores of a setting, one row per seed and parameter; raise if a run fails."""
+        """Return the scores (one row per seed and parameter), or raise an error if a run fails."""
         key = scenario.hash, text
         if key not in self.known:
             frame = self.run([scenario], [text], self.seeds)
@@ -148,11 +149,11 @@ class Runs:
         self, scenario: Scenario, base: str, line: Line, turn: Turn, further: Sequence[float], *,
         pairs: Iterable[tuple[str, Noise]], whole: bool = False,
     ) -> dict[tuple[str, Noise], Match | None]:  # fmt: skip
-        """Match an estimator's noise to the base noise, for each parameter and noise measure.
+        """Match an estimator's noise to the noise of `base`, for each parameter and noise measure.
 
-        If the base noise is outside the noise range of all settings, the method adds settings
-        further from the default to `line`. If `whole` is true, the method ignores each seed for
-        which a run at any setting diverged.
+        If the noise of `base` is outside the noise range of all settings in `line`, the method adds
+        settings to `line` that are further from the default. If `whole` is true, the method ignores
+        each seed for which a run at any setting diverged.
         """
         matches: dict[tuple[str, Noise], Match | None] = dict.fromkeys(pairs)
         for factor in (1.0, *further):
@@ -183,18 +184,19 @@ class Sweep:
     Attributes
     ----------
     points : list of dict
-        One dict for each fault, estimator and setting. The keys are ``scenario, parameter,
-        estimator, setting, factor``, the pooled scores ``lag, lag_interval, t10, std, std_interval,
-        std_after, excess, diverged, seeds``, and the bounds ``lag_bound`` and ``lag_bound_single``.
+        Results at all settings, with one dict for each fault, estimator and setting. The keys are
+        ``scenario, parameter, estimator, setting, factor``, the pooled scores ``lag, lag_interval,
+        t10, std, std_interval, std_after, excess, diverged, seeds``, and the bounds ``lag_bound``
+        and ``lag_bound_single``.
     matched : list of dict
-        One dict for each fault and estimator, at equal standard deviation of the changing
-        parameter. The keys are ``scenario, parameter, estimator, how, nearest, ratio, lag,
+        Results at equal standard deviation of the changing parameter, with one dict for each fault
+        and estimator. The keys are ``scenario, parameter, estimator, how, nearest, ratio, lag,
         lag_interval, bound, over_bound, score, std_after, false_alarms_per_1000_s, leads`` and
         ``values``. The class `Match` defines the values of ``how``. The entry ``values`` contains
         the logarithm of the lag and the score for each seed.
     at_excess : list of dict
-        One dict for each fault and estimator, at equal excess error. The keys are the same as for
-        `matched`, except ``leads``.
+        Results at equal excess error, with one dict for each fault and estimator. The dicts have
+        the same keys as in `matched`, except ``leads``.
     """
 
     points: list[dict[str, Any]]
@@ -216,7 +218,7 @@ def sweep(
     scenarios : sequence of Scenario
         Scenarios with faults.
     estimators : sequence of str
-        Estimators, written as for the option `--estimator`.
+        Estimators, in the format of the option `--estimator`.
     seeds : sequence of int
         Seeds of the runs, which are the same for all settings.
     run : callable

@@ -39,17 +39,18 @@ class Tuned:
     Attributes
     ----------
     setting : str
-        Estimator with its tuned options, written as for the option `--estimator`.
+        Estimator with its tuned options, in the format of the option `--estimator`.
     knob : str
         Name of the tuned option, or names of several options that are tuned together.
     value : float
-        Value of the tuned option. If several options are tuned, `value` is their common position,
-        from which the options are computed.
+        Value of the tuned option. If several options are tuned together, `value` is the number from
+        which all of them are computed.
     match : str
-        Measure of the noise: "excess", or the name of a parameter whose std is matched.
+        Noise measure: "excess" for the excess error, or the name of a parameter whose standard
+        deviation is matched.
     ratio : float
         Estimator noise divided by the reference noise. For the excess error, which is quadratic in
-        the parameter errors, `ratio` is the square root of the quotient.
+        the parameter errors, `ratio` is the square root of the ratio of the two excess errors.
     """
 
     setting: str
@@ -59,7 +60,7 @@ class Tuned:
     ratio: float
 
     def turned(self, factor: float) -> str | None:
-        """Scale the setting by `factor`; return the estimator, or None if out of range."""
+        """Return the estimator with its setting scaled by `factor`, or None if out of range."""
         name, options, knob = parts(self.setting)
         at = knob.at(knob.position(self.value) * factor)
         return None if at is None else with_options(name, options | at)
@@ -86,7 +87,7 @@ def parts(text: str) -> tuple[str, dict[str, Any], Knob]:
 
 
 def tuning_scenario() -> Scenario:
-    """Return the scenario for tuning: the nominal axis without faults and with true θ(0)."""
+    """Return the scenario for tuning: a nominal axis without faults, where θ(0) is the true θ."""
     return find_scenario("paper_nominal-v1").override({"start": 1.0})
 
 
@@ -101,7 +102,8 @@ class Trials:
     run : callable
         Function ``run(scenarios, estimators, seeds)`` that returns score rows of all runs.
     match : str
-        Measure of the noise: "excess", or the name of a parameter whose std is matched.
+        Noise measure: "excess" for the excess error, or the name of a parameter whose standard
+        deviation is matched.
     scenarios : sequence of Scenario
         Scenarios in which the noise is measured before the first fault. If `scenarios` is empty,
         the noise is measured on the nominal axis without a fault.
@@ -113,7 +115,7 @@ class Trials:
     scenarios: Sequence[Scenario] = ()
 
     def noises(self, text: str) -> pd.Series:
-        """Return the logarithms of the standard deviations and of the root of the excess error.
+        """Return the logarithms of all standard deviations and of the root of the excess error.
 
         The index of the returned series contains the parameter names and "excess". The logarithms
         are averaged over the scenarios. The series contains only parameters that are estimated in
@@ -137,14 +139,14 @@ def match_noise(text: str, trials: Trials) -> Tuned:
 
     The search applies the secant method to the logarithms of the setting and of the noise. If a
     secant step leaves the interval that contains the solution, the search uses bisection. The
-    search assumes that the noise increases with the position of the tuning parameter. The search
-    tries at most `ROUNDS` settings within the range of the tuning parameter.
+    search assumes that an estimator with a faster setting is noisier. The search tries at most
+    `ROUNDS` settings within the range of the tuning parameter.
 
     Parameters
     ----------
     text : str
-        Estimator with a tuning parameter, written as for the option `--estimator`. The search does
-        not change other options of the estimator.
+        Estimator with a tuning parameter, in the format of the option `--estimator`. The search
+        does not change other options of the estimator.
     trials : Trials
         Simulated runs that measure the noise at a setting.
 
@@ -170,7 +172,7 @@ def match_noise(text: str, trials: Trials) -> Tuned:
         if trials.match not in errors:
             raise FlexaxisError(
                 f"{tried} has no noise to match. Either its estimates are constant, or the "
-                "estimator does not estimate the parameters that are needed to match "
+                "estimator does not estimate all parameters that are needed to match "
                 f"{trials.match!r}"
             )
         error = errors[trials.match]
@@ -188,9 +190,10 @@ def match_noise(text: str, trials: Trials) -> Tuned:
             here = (quiet + noisy) / 2
     least, most = sorted((knob.value(knob.least), knob.value(knob.most)))
     raise FlexaxisError(
-        f"{name}: no value of {knob.name} from {least:.4g} to {most:.4g} gives the noise of "
-        f"{REFERENCE}. The last attempt, {tried}, gives {np.exp(error):.3g} times the reference "
-        f'noise. If a smaller {knob.name} makes the estimator faster, write knob = "1/{knob.name}"'
+        f"{name}: no value of {knob.name} from {least:.4g} to {most:.4g} makes the estimator "
+        f"as noisy as {REFERENCE}. The last attempt, {tried}, gives {np.exp(error):.3g} times the "
+        f"reference noise. If a smaller {knob.name} makes the estimator faster, write "
+        f'knob = "1/{knob.name}"'
     )
 
 
@@ -200,14 +203,15 @@ def equally_noisy(
     """Tune two estimators until each of them is as noisy as the reference estimator.
 
     If the scenarios change only one parameter that both estimators estimate, the function matches
-    the standard deviation of this parameter. If the scenarios change several common parameters, the
-    function matches the excess prediction error, which is a single number for all parameters.
+    the standard deviation of this parameter. If the scenarios change several parameters that both
+    estimators estimate, the function matches the excess prediction error, which is a single number
+    for all parameters.
 
     Parameters
     ----------
     texts : sequence of str
-        Estimators, written as for the option `--estimator`. The function replaces the value of the
-        tuning parameter, and keeps the values of all other options.
+        Estimators, in the format of the option `--estimator`. The function replaces the value of
+        the tuning parameter, and keeps the values of all other options.
     scenarios : sequence of Scenario
         Scenarios in which the noise is measured before the first fault.
     run : callable
@@ -230,7 +234,7 @@ def equally_noisy(
         raise FlexaxisError(
             "--match-std: no scenario has a fault in a parameter that both estimators estimate, "
             "so there is no lag to compare. Run `flexaxis list` to find a scenario with a fault "
-            "in a common parameter"
+            "in a parameter that both of them estimate"
         )
     match = EXCESS if len(every) > 1 else every.pop()
     where = [s for s, names in zip(scenarios, changing, strict=True) if names]

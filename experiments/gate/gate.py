@@ -39,8 +39,8 @@ class Comparison:
     Attributes
     ----------
     base, candidate : str
-        Estimators, written as for the option `--estimator`. After tuning to equal noise, the
-        estimator texts include the tuned options.
+        Estimators, in the format of the option `--estimator`. After tuning to equal noise, the
+        specifications include the tuned options.
     seeds : list of int
         Seeds that the runs of both estimators have in common.
     rows : DataFrame
@@ -105,7 +105,7 @@ def compare(
     Parameters
     ----------
     base, candidate : str
-        Estimators, written as for the option `--estimator`.
+        Estimators, in the format of the option `--estimator`.
     scenarios : sequence of Scenario
         Scenarios on which the estimators run.
     seeds : sequence of int
@@ -160,7 +160,7 @@ def compare(
 
 
 def look_seeds(seeds: Sequence[int], most: int) -> list[list[int]]:
-    """Return the seeds of each interim analysis; the number of seeds doubles up to `most`.
+    """Return the seeds of each interim analysis; their number doubles each time, up to `most`.
 
     Examples
     --------

@@ -27,7 +27,7 @@ NUMBERS = [*dict.fromkeys([*METRICS, *(bias for bias, _ in SPREADS.values())])]
 
 
 class Gap(NamedTuple):
-    """Missing results of the base or the candidate; `must_look` excludes the exit status 0."""
+    """Missing results of the base or candidate; with `must_look`, the exit status is not 0."""
 
     side: str
     text: str
@@ -43,10 +43,10 @@ class Paired:
     scores : DataFrame
         One row per score. The columns ``scenario, parameter, metric, margin`` identify the score.
         The columns ``base`` and ``candidate`` contain means over the pairs [unit of the metric], or
-        geometric means if ratios are compared. The column ``changes`` contains an array (n,) with
-        log(candidate/base) or (candidate − base)/``scale``. The entries of ``changes`` are NaN for
-        runs in which either estimator diverged or has no score. The column ``scale`` is NaN if
-        ratios are compared.
+        geometric means if ratios are compared. Each entry of the column ``changes`` is an array
+        with one value per run (n,), which is log(candidate/base) or (candidate − base)/``scale``.
+        The value is NaN for runs in which either estimator diverged or lacks the score. The column
+        ``scale`` is NaN if ratios are compared.
     lost : DataFrame
         One row per scenario and seed. The four columns, such as ``"diverged base"``, are true for
         lost runs. A run that diverged for either estimator does not count as a run that never
@@ -137,7 +137,7 @@ def _lacking(sides: Mapping[str, pd.DataFrame]) -> list[Gap]:
 
 
 def _lost(both: pd.DataFrame) -> pd.DataFrame:
-    """Return a table of the runs that each estimator lost for at least one common parameter."""
+    """Return a table of lost runs per estimator, for all parameters that both of them estimate."""
     columns = [f"{way} {side}" for way in LOST for side in SIDES]
     lost = both.groupby(CASE)[columns].any()
     lost[columns[2:]] &= ~lost[columns[:2]].any(axis=1).to_numpy()[:, None]

@@ -43,7 +43,7 @@ TEXTS = {
     "seeds": "Use --max-seeds to add more seeds, which can lead to a clear verdict.",
     "tuned": "Both estimators were tuned to the {0} of rpem-forgetting: base {1}, candidate {2}.",
 }  # fmt: skip
-"""Phrases of the headline and of the advice."""
+"""Phrases for the headline and the advice in a comparison report."""
 
 LEGEND = (
     "The results are based on {seeds} common seeds. The change is the geometric mean of "
@@ -112,7 +112,7 @@ def headline(c: Comparison, shown: Sequence[Row]) -> str:
 
 
 def _scaled(row: Row) -> tuple[Any, str]:
-    """Return the change and its interval as an array (3,), and the unit for display."""
+    """Return a score change with the ends of its interval (3,), and the unit for display."""
     numbers = np.array([row["change"], *row["interval"]], float)
     if row["scale"] is not None:
         return numbers, METRICS[row["metric"]]
@@ -120,7 +120,7 @@ def _scaled(row: Row) -> tuple[Any, str]:
 
 
 def sentence(row: Row) -> str:
-    """Return a clause such as "lag of f_m on fm_step-v1 is 17 times longer (12–23)"."""
+    """Describe a change in words, such as "lag of f_m on fm_step-v1 is 17 times longer (12–23)"."""
     numbers, unit = _scaled(row)
     numbers = abs(numbers ** np.sign(row["change"]) if unit == "times" else numbers)
     word = TEXTS.get(row["metric"], TEXTS["else"])[row["change"] < 0]

@@ -23,8 +23,8 @@ ALPHA = 0.01
 """Largest allowed probability of a false verdict "worse" or "better" in a comparison."""
 
 SHARES = {False: 0.5, True: 0.1, "diverged": 0.2, "never_settled": 0.2}
-"""Fraction of alpha for the tests of scores (False), of biases (True) and of each kind of lost
-run."""
+"""Fraction of the significance level alpha for each group of tests. The key True stands for biases,
+False for all other scores, and the remaining keys for the kinds of lost runs."""
 
 LOST_WORSE = 0.75
 """Fraction of the significance level for the verdict "worse" in a test of lost runs. With
@@ -74,8 +74,9 @@ def judge(paired: Paired, *, alpha: float = ALPHA) -> pd.DataFrame:
         and ``interval`` is the confidence interval of ``change``. For a bias, ``change`` is the
         difference candidate − base. ``margin`` has the unit of ``change``. ``p`` is the p-value
         without correction for multiple tests. ``reason`` explains why the verdict on a clear change
-        is "undecided". The reason is "few" if there are too few runs to exclude rare failures. The
-        reason is "far" if the candidate is better on average, but much worse in at least one run.
+        is "undecided". ``reason`` is "few" if there are too few runs to exclude rare failures.
+        ``reason`` is "far" if the candidate is better on average, but much worse in at least one
+        run.
     """
     scores = paired.scores.reset_index(drop=True)
     if scores.empty:
@@ -102,8 +103,8 @@ def decide(
     Parameters
     ----------
     changes : array_like (S, n)
-        For each score and seed, log(candidate/base), or the difference divided by the scale. An
-        entry is NaN if the base or the candidate has no score for the seed.
+        For each score and seed, log(candidate/base), or the difference candidate − base divided by
+        the scale. An entry is NaN if the base or the candidate lacks the score for the seed.
     scenarios, metrics, margins : ndarray (S,)
         Scenario, metric and smallest relevant relative change of each score.
     alpha : float
@@ -147,14 +148,14 @@ def decide(
 
 
 def _agreeing(way: Any, n: Any, scenarios: Any, metrics: Any) -> tuple[Any, Any]:
-    """Return how many runs confirm each change, and how many selections of scenarios exist.
+    """Return the number of runs that confirm each change, and the number of scenario selections.
 
     The runs on a scenario confirm a change if any score of the same metric changes in the same
-    direction on this scenario. Each run counts once. The first array (S,) contains the number of
-    runs. The second array (S,) contains the number of ways to select as many scenarios as confirm
-    the change. If a failure has the probability q per run, the probability of no failure in n runs
-    is (1 − q)ⁿ. Therefore n runs cannot exclude failures with a probability q below 1 −
-    alpha^(1/n).
+    direction on this scenario. Each run counts once. The first returned array contains the number
+    of confirming runs for each score (S,). If k of K scenarios confirm the change, the second array
+    contains the number of ways to select k of K scenarios, for each score (S,). If a failure has
+    the probability q per run, the probability of no failure in n runs is (1 − q)ⁿ. Therefore n runs
+    cannot exclude failures with a probability q below 1 − alpha^(1/n).
     """
     table = pd.DataFrame({"metric": metrics, "way": way, "scenario": scenarios, "n": n})
     most = table.groupby(["metric", "way", "scenario"])["n"].max()
@@ -193,8 +194,9 @@ def alarming(lost: Sequence[Lost]) -> bool:
     """Return whether newly lost runs need attention, even if the increase is not significant.
 
     The function examines diverged runs and unsettled runs separately. The result is true if at
-    least two runs of one kind are newly lost, and if the increase is clear. An increase is clear if
-    the base loses no run of the same kind, or if the p-value of the increase is at most 5 %.
+    least two runs of one kind are newly lost, and if the increase in lost runs is clear. An
+    increase is clear if the base loses no run of the same kind, or if the p-value of the increase
+    is at most 5 %.
     """
     return any(
         way.newly >= 2 and (not way.base or sign_p(way.newly, way.regained) <= 0.05) for way in lost

@@ -237,12 +237,12 @@ def track_of(  # noqa: PLR0917
     Parameters
     ----------
     scenario : Scenario
-        Scenario that contains the random fault onset of `record`.
+        Scenario with the random fault onset of `record`.
     record : Record
         A simulated record.
     estimated : sequence of str
         Names of all p estimated parameters.
-    theta, claimed, innovations
+    theta, claimed, innovations : ndarray or None
         Results of `follow`.
     findings : sequence or None
         Changes that the estimator detected.
@@ -274,7 +274,7 @@ def _done(
 
 
 def numbers_of(lines: Sequence[Mapping[str, Any]]) -> Array:
-    """Return the values (p, n) of the columns `NUMBERS` from score rows with nested dicts."""
+    """Return the columns `NUMBERS` of nested score rows, as an array (parameters, columns)."""
     table = pd.json_normalize(list(lines)).reindex(columns=NUMBERS)
     return np.ascontiguousarray(table.to_numpy(float))
 

@@ -1,9 +1,9 @@
 """Create estimators from the value of the option `--estimator` and the properties of an axis.
 
-The value is the name of a registered estimator, the name of an entry point in the group
+The option value is the name of a registered estimator, the name of an entry point in the group
 `flexaxis.estimators`, ``path/file.py:Class``, or ``package.module:Class``. Estimator options follow
-in brackets, in TOML syntax (``rpem-forgetting[forgetting=0.99]``). The value ``pipe:COMMAND`` runs
-an estimator program in any language.
+in brackets, in TOML syntax (``rpem-forgetting[forgetting=0.99]``). With ``--estimator
+pipe:COMMAND``, the estimator is a program in any language.
 """
 
 import inspect
@@ -75,7 +75,7 @@ class Spec:
 
     @property
     def name(self) -> str:
-        """The estimator text without the options in brackets."""
+        """The estimator specification without the options in brackets."""
         return self.text if self.text.startswith(PIPE) else self.text.partition("[")[0].strip()
 
     @property
@@ -199,7 +199,7 @@ def written_options(text: str) -> dict[str, Any]:
 
 
 def with_options(text: str, options: Mapping[str, Any]) -> str:
-    """Add or replace options in an estimator text, and return the new text.
+    """Add or replace options in an estimator specification, and return the new specification.
 
     Examples
     --------
@@ -239,7 +239,7 @@ def keywords(spec: Spec) -> set[str]:
 
 
 def make_estimator(spec: Spec, nominal: Any, period: float, **known: Any) -> Estimator:
-    """Construct an estimator from the nominal values (a mapping or a model) and the period [s].
+    """Construct an estimator from nominal values (a mapping or a model) and a sampling period.
 
     The constructor receives each value of `known` that matches one of its keyword arguments.
     Options in the specification override the values of `known`.
@@ -271,9 +271,10 @@ def build(spec: Spec, scenario: Scenario) -> Estimator:
     The constructor receives the sampling period and the nominal parameters. The nominal parameters
     are scaled by `start` and include data-sheet values. The constructor also receives the arguments
     `identify`, `output`, `noise` and `torque` if it accepts these keywords. The argument `noise`
-    requires a data sheet with a noise level, and `torque` is the torque of a nominal run for
-    computing P(0). Registered estimators are cached and copied, because constructing an estimator
-    takes as long as a run. A user-written estimator is constructed anew for each run.
+    requires a data sheet with a noise level. The argument `torque` is the torque of a nominal run,
+    from which estimators compute the initial covariance P(0). Registered estimators are cached and
+    copied, because constructing an estimator takes as long as a run. A user-written estimator is
+    constructed anew for each run.
 
     Raises
     ------

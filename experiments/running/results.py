@@ -37,8 +37,8 @@ class Results:
     store : Store
         Store of the rows.
     study : mapping
-        Description of the study, as returned by `describe`. Without the key ``variants``, the
-        results include all runs in the store.
+        Description of the study, as returned by `describe`. If the description lacks the key
+        ``variants``, the results include all runs in the store.
 
     Attributes
     ----------

@@ -64,7 +64,7 @@ def made_with() -> dict[str, str]:
 
 
 class Store:
-    """Scores in an SQLite database, which is either a file in a folder or in memory.
+    """An SQLite database of scores, which is stored in a folder or kept in memory.
 
     Parameters
     ----------
@@ -144,7 +144,7 @@ class Store:
             self._db.executemany("INSERT OR REPLACE INTO meta VALUES (?, ?)", lines)
 
     def done(self, *, traced: bool = False) -> set[str]:
-        """Return the ids of all runs; if `traced`, omit successful runs without trajectories."""
+        """Return all run ids; if `traced` is true, omit successful runs without trajectories."""
         some = " WHERE error NOT NULL OR id IN (SELECT id FROM traces)" if traced else ""
         with self._reported():
             return {case for (case,) in self._db.execute(f"SELECT id FROM cases{some}")}

@@ -17,7 +17,7 @@ from flexaxis.sim.errors import ScenarioError
 from flexaxis.sim.scenario import Scenario
 
 Point = dict[str, Any]
-"""Swept values at one point of a sweep, keyed by dotted names."""
+"""Values at one point of a sweep, keyed by the dotted names of the swept keys."""
 ALL = "estimator"
 """Prefix of swept keys that set an option of every estimator."""
 SEEDS_PER_UNIT = 16  # enough for efficient batches, but few enough to show progress
@@ -35,16 +35,16 @@ class Study:
     scenarios : tuple of Scenario
         Scenarios with different names.
     estimators : tuple of str
-        Estimators, written as for the option `--estimator`.
+        Estimators, in the format of the option `--estimator`.
     seeds : tuple of int
         Seeds of the records.
     axes : tuple of str
         Names of the keys that the study sweeps, or an empty tuple without a sweep.
     points : tuple of dict
-        Points of the sweep. Each point contains a value for every swept key.
+        Points of the sweep. Each sweep point contains a value for every swept key.
     streams : {"common", "own"}
-        "common" if all sweep points of a scenario use the same random numbers, or "own" if each
-        sweep point uses different random numbers.
+        If `streams` is "common", all sweep points of a scenario use the same random numbers. If
+        `streams` is "own", each sweep point uses different random numbers.
 
     Raises
     ------
@@ -91,7 +91,7 @@ class Setting:
     estimator : str
         Estimator as written in the definition of the study.
     text : str
-        Estimator with the swept options, written as for the option `--estimator`.
+        Estimator with the swept options, in the format of the option `--estimator`.
     axes : mapping
         Values of the swept options, keyed by option name.
     spec : Spec
@@ -176,7 +176,7 @@ def units(study: Study) -> list[Unit]:
     Raises
     ------
     StudyError
-        If a sweep point is invalid. The message names the sweep point.
+        If a sweep point is invalid. The error message names the sweep point.
     """
     result = []
     for base, (key, settings) in product(study.scenarios, _settings(study).items()):

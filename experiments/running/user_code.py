@@ -93,7 +93,7 @@ def reported(
     Parameters
     ----------
     text : str
-        Estimator, written as for the option `--estimator`.
+        Estimator, in the format of the option `--estimator`.
     where : str
         Location of the error for the message, such as "in its constructor" or "on fm_step-v1, seed
         1000".
@@ -204,7 +204,8 @@ class PipeEstimator:
     period : float
         Sampling period [s].
     identify : sequence of str
-        Parameters that the scenario identifies. The program can also estimate other parameters.
+        Parameters that the scenario identifies. The program can also estimate parameters that the
+        scenario does not identify.
     output : str
         Name of the measured signal y.
 

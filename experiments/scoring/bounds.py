@@ -49,10 +49,11 @@ def cramer_rao(
     psi: ArrayLike, variance: float, theta: ArrayLike, prior: ArrayLike | None = None
 ) -> Array:
     """
-    Return the lower bound C(n) (N, p, p) on the covariance of θ̂, n samples after a jump.
+    Return the lower bound on the covariance of θ̂ for each sample after a jump, as (N, p, p).
 
-    The bound is C(n) = σ² [P_b⁻¹ + Σ_{k≤n} ψ₀ψ₀ᵀ]⁻¹ with P_b = diag((θ/2)²)/σ². The bound is valid
-    for an estimator that knows the time of the jump and the state at the jump.
+    After n samples, the bound is C(n) = σ² [P_b⁻¹ + Σ_{k≤n} ψ₀ψ₀ᵀ]⁻¹ with the initial covariance
+    P_b = diag((θ/2)²)/σ². The bound is valid for an estimator that knows the time of the jump and
+    the state at the jump.
 
     Parameters
     ----------
@@ -63,7 +64,8 @@ def cramer_rao(
     theta : (p,) array_like
         Parameters after the jump.
     prior : (p, p) array_like, optional
-        Information matrix at the time of the jump, which replaces P_b⁻¹/σ².
+        Information matrix at the time of the jump. If given, this matrix replaces the initial
+        information P_b⁻¹/σ².
     """
     psi = np.asarray(psi, float)
     if prior is None:
@@ -75,7 +77,7 @@ def cramer_rao(
 
 def lag_bound(deviation: ArrayLike, size: float, *, period: float) -> float:
     """
-    Return the lag Σ T min(1, √(2/π) s_n/D) [s] of an estimator that attains the bound.
+    Return the lag [s] of an estimator that attains the bound: Σ T min(1, √(2/π) s_n/D).
 
     Parameters
     ----------
@@ -183,14 +185,14 @@ def bound_from(
 
 
 def _deviation(covariance: Array) -> Array:
-    """Return the standard deviations (n, p) of covariances (n, p, p)."""
+    """Return the standard deviations (n, p) from the covariance matrices (n, p, p)."""
     return np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
 
 
 def _gradient(
     scenario: Scenario, names: Sequence[str], parameters: Array, x: Array, u: Array
 ) -> tuple[Array, Array]:
-    """Return the gradient ψ₀ (N, p) for an initial state, and the parameter scales (p,)."""
+    """Return the predictor gradient ψ₀ (N, p) for an initial state, and parameter scales (p,)."""
     model = true_model(scenario, parameters).parametrize(names)
     theta = model_theta(scenario, names, parameters)
     state = np.zeros(model.states)
@@ -210,7 +212,7 @@ def noise_variance(scenario: Scenario) -> float:
 
 
 Limits = Mapping[str, float | None]
-"""Limits for one parameter in one run, keyed as in `LIMITS`; an undefined limit is None."""
+"""Theoretical limits for a parameter in one run, keyed as in `LIMITS`; None if undefined."""
 
 
 def limits(scenario: Scenario, names: Sequence[str], torque: Array) -> dict[str, Limits]:
@@ -243,7 +245,7 @@ def limits(scenario: Scenario, names: Sequence[str], torque: Array) -> dict[str,
 
 @remembered
 def record_limits(scenario: Scenario, torque: bytes) -> dict[str, Limits]:
-    """Return the limits of the parameters in `identify`, from a cache that all estimators share."""
+    """Return the limits of all identified parameters, from a cache that all estimators share."""
     return limits(scenario, scenario.identify, np.frombuffer(torque).copy())
 
 
@@ -291,7 +293,7 @@ def score(lag: float | None, limit: Limits) -> float | None:
 def limits_of(track: Track, i: int) -> Limits:
     """Return the theoretical limits for the estimated parameter i.
 
-    The function computes the limits for the parameters in the scenario's `identify`, even if an
+    The function computes the limits for all parameters that the scenario identifies, even if an
     estimator estimates other parameters. Therefore the limits are the same for all estimators.
     """
     if track.torque is None:
@@ -301,7 +303,7 @@ def limits_of(track: Track, i: int) -> Limits:
 
 
 def limit_of(name: str, track: Track, i: int) -> float | None:
-    """Return one of the `LIMITS`, such as "lag_bound", for the estimated parameter i."""
+    """Return a theoretical limit, such as "lag_bound", for the estimated parameter i."""
     return limits_of(track, i).get(name)
 
 

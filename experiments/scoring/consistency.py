@@ -23,7 +23,7 @@ def nis(innovations: Array) -> float | None:
     ----------
     innovations : ndarray (N, 2)
         Innovations ε = y − ŷ, computed before the estimator uses y, and the innovation variances S
-        that the estimator reports. The values are NaN where y is missing.
+        that the estimator reports. The innovations and variances are NaN where y is missing.
 
     Returns
     -------
@@ -38,10 +38,11 @@ def nis(innovations: Array) -> float | None:
 def whiteness(innovations: Array, lags: int) -> float | None:
     """Return the Ljung-Box statistic of ε/√S, divided by its degrees of freedom.
 
-    For white innovations, the mean of the statistic is 1. If n values contain n_l pairs of values
-    that are l samples apart, the statistic is
+    For white innovations, the mean of the statistic is 1. The statistic Q is computed from n
+    innovations, with n_l pairs that are l samples apart.
 
-    Q = (n + 2)/n Σ_l n_l r_l²,  r_l = (mean of the n_l products)/(mean square).
+    Q = (n + 2)/n Σ_l n_l r_l²,  where r_l is the mean product of the n_l pairs, divided by the mean
+    square of all values.
 
     Without missing values, Q is the statistic n (n + 2) Σ_l ρ_l²/(n − l) of Ljung and Box
     (Biometrika 65, 1978, 297-303). The function does not subtract the mean of the innovations,
@@ -136,7 +137,7 @@ def _quiet(track: Track) -> Array | None:
 
 
 def nees_of(track: Track, i: int) -> float | None:
-    """Return θ̃ᵀ Σ⁻¹ θ̃ before the first fault, where the estimator reports the covariance Σ."""
+    """Return the NEES θ̃ᵀ Σ⁻¹ θ̃ before the first fault, from the reported covariance Σ."""
     del i
     last = claimed_at(track.scenario)
     return nees(track.theta[last] - track.truth[last], track.claimed)

@@ -31,19 +31,19 @@ def near_fault(scenario: Scenario) -> slice:
 
 
 def after(scenario: Scenario) -> int:
-    """Return the number of consecutive samples that a trajectory contains after a fault."""
+    """Return for how many samples after a fault a trajectory contains every sample."""
     return round(AFTER / scenario.period) + 1
 
 
 def later(drawn: Scenario, written: Scenario) -> int:
-    """Return the delay [samples] of the first fault in a run due to the random onset."""
+    """Return the delay of the first fault in a run due to the random onset, in samples."""
     if not (drawn.events() and written.events()):
         return 0
     return drawn.events()[0].index - written.events()[0].index
 
 
 def shifted(values: Array, late: int) -> Array:
-    """Shift values (N, …) to an earlier time by `late` samples, and repeat the first or last value.
+    """Shift a time series (N, …) by `late` samples to earlier times, and repeat its end value.
 
     Examples
     --------
@@ -56,10 +56,10 @@ def shifted(values: Array, late: int) -> Array:
 
 
 def estimates(traces: Mapping[int, Any], scenario: Scenario, parameter: str) -> pd.DataFrame:
-    """Return estimates divided by nominal, with one row per time [s] and one column per seed.
+    """Return a table of the estimates of a parameter, divided by its nominal value.
 
-    The table contains every sample around the first fault. At other times, the table contains every
-    `CURVE_STEP`-th sample.
+    The table has one row per time [s] and one column per seed. The table contains every sample
+    around the first fault. At other times, the table contains every `CURVE_STEP`-th sample.
     """
     times = np.r_[scenario.times[::CURVE_STEP], scenario.times[near_fault(scenario)]]
     runs = {seed: np.r_[trace.curve, trace.near][:, trace.names.index(parameter)]
@@ -69,6 +69,6 @@ def estimates(traces: Mapping[int, Any], scenario: Scenario, parameter: str) -> 
 
 
 def truth(scenario: Scenario, parameter: str) -> pd.Series:
-    """Return the true values of a parameter, divided by nominal and indexed by time [s]."""
+    """Return the true values of a parameter divided by its nominal value, indexed by time [s]."""
     values = theta_over_time(scenario, [parameter]) / nominal_theta(scenario, [parameter])
     return pd.Series(values[:, 0], scenario.times)

@@ -1,4 +1,4 @@
-"""Score the detection of faults by alarms, delays and the parameters that alarms name."""
+"""Score the detection of faults by alarms, delays and correctly named parameters."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -35,13 +35,14 @@ def detection(
     Returns
     -------
     dict or None
-        ``alarms`` is the number of findings. ``false_alarms`` is the number of findings outside the
-        windows of all faults. ``calm`` is the time outside the windows of all faults [s], and
-        ``false_alarms_per_1000_s`` is the rate of false alarms during ``calm``. ``delay`` is the
-        mean time from a detected fault to the first finding in the window of the fault [s].
-        ``faults`` is the number of faults. ``missed`` is the number of faults without a finding in
-        the window of the fault. ``isolated`` is the fraction of detected faults for which the first
-        finding names exactly the parameters that changed.
+        ``alarms`` is the number of reported changes. ``false_alarms`` is the number of reported
+        changes outside the windows of all faults. ``calm`` is the time outside the windows of all
+        faults [s], and ``false_alarms_per_1000_s`` is the rate of false alarms during ``calm``.
+        ``delay`` is the mean time from the start of a fault window to the first reported change in
+        the window [s], for all detected faults. ``faults`` is the number of faults in the run.
+        ``missed`` is the number of fault windows without a reported change. ``isolated`` is the
+        fraction of detected faults for which the first report names exactly the parameters that
+        changed.
     """
     if findings is None:
         return None
@@ -73,7 +74,7 @@ def detection(
 def _firsts(
     scenario: Scenario, names: Sequence[str], findings: Sequence[Any]
 ) -> list[tuple[Window, Any]]:
-    """Return all pairs of a window and the first finding in the window (None without a finding)."""
+    """Return the window of each fault with its first finding, or with None without a finding."""
     return [(w, next((f for f in findings if w.start <= f.alarm < w.stop), None))
             for w in windows(scenario, names)]  # fmt: skip
 
@@ -85,15 +86,15 @@ def isolation(
 
     Parameters
     ----------
-    scenario, names, findings
+    scenario, names, findings : Scenario, sequence of str, sequence or None
         The arguments of the function `detection`.
 
     Returns
     -------
     list of dict, or None
         One dict per fault. ``fault`` is the parameter that changed. ``named`` is the list of
-        physical parameters that the first finding in the window names. The list is empty if the
-        finding names no parameter. ``named`` is None if the estimator misses the fault. The
+        physical parameters that the first finding in the window names. This list is empty if the
+        first finding names no parameter. ``named`` is None if the estimator misses the fault. The
         function returns None if `findings` is None.
     """
     if findings is None:
@@ -117,6 +118,6 @@ def detection_of(track: Track, i: int) -> dict[str, Any] | None:
 
 
 def isolation_of(track: Track, i: int) -> list[dict[str, Any]] | None:
-    """Return the parameters that an estimator names for each fault, independently of i."""
+    """Return the parameters that an estimator names for each fault; the index i has no effect."""
     del i
     return isolation(track.scenario, track.names, track.findings)

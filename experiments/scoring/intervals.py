@@ -37,7 +37,7 @@ def t_interval(values: ArrayLike) -> Interval | None:
 
 
 def mean_interval(values: ArrayLike) -> Interval | None:
-    """Return a confidence interval for the mean of values (n,) from a possibly skewed distribution.
+    """Return a confidence interval for the mean of n values (n,) from a skewed distribution.
 
     Hall's transformation of Student's t corrects for skewness (Hall, Journal of the Royal
     Statistical Society B 54, 1992, 221–228). The correction is necessary because the distribution
@@ -54,7 +54,7 @@ def mean_interval(values: ArrayLike) -> Interval | None:
 
 
 def by_seed(values: ArrayLike, seeds: Labels, points: Labels) -> Array:
-    """Combine the values of each seed into one value (m,) to compute a standard error of the mean.
+    """Combine the values of each seed into one value (m,), to compute a standard error.
 
     The m combined values have the same mean x̄ as the n values. The scatter of the combined values
     determines the standard error of x̄. If d_i are the deviations of the runs of a seed from the
@@ -109,7 +109,7 @@ def median_interval(
 
     Parameters
     ----------
-    values, seeds, points
+    values, seeds, points : ndarray (n,)
         Values, seeds and sweep points of the runs, as in the function `by_seed`.
     """
     x = np.minimum(np.asarray(values, float), NEVER)
@@ -156,7 +156,7 @@ def rate_interval(counts: ArrayLike, exposure: float, seeds: ArrayLike) -> Inter
 def spread_interval(
     std: ArrayLike, bias: ArrayLike, seeds: Labels = None, points: Labels = None
 ) -> Interval | None:
-    """Return an interval for the standard deviation over time and runs (see `pooling.spread`).
+    """Return a confidence interval for the standard deviation from `pooling.spread`.
 
     The total variance is the sum of three variances: within the runs, between the runs at a sweep
     point, and between sweep points. The interval for the variance within the runs is Cox's interval
@@ -258,7 +258,7 @@ def sign_p(more: int, less: int) -> float:
 
     The p-value is the probability of at least `more` heads in more + less tosses of a fair coin.
     The test uses only runs that exactly one of the two estimators loses. If the estimators are
-    equally good, each of them is the loser in half of these runs on average.
+    equally good, each of them loses half of these runs on average.
 
     Examples
     --------
@@ -278,7 +278,7 @@ def holm_levels(p: ArrayLike, alpha: float) -> Array:
     Parameters
     ----------
     p : array_like (m,)
-        p-values of the tests. A test with the p-value NaN does not count, and its level is `alpha`.
+        p-values of the tests. A test with the p-value NaN is ignored, and its level is `alpha`.
     alpha : float
         Family-wise error rate.
 

@@ -25,7 +25,7 @@ def true_theta(
     """Return the true values (…, p) of estimated parameters, given physical parameters (…, P).
 
     The argument `columns` lists the names of the physical parameters. By default, `columns`
-    contains the parameters of the axis in the paper.
+    contains the parameters of the three-mass axis.
     """
     powers = [physical(name) for name in names]
     return np.stack([parameters[..., columns.index(p)] ** float(e) for p, e in powers], axis=-1)
@@ -42,7 +42,7 @@ def theta_over_time(scenario: Scenario, names: Sequence[str]) -> NDArray[np.floa
 
 
 def known_names(scenario: Scenario, names: Sequence[str]) -> tuple[str, ...]:
-    """Return the estimated parameters with a nonzero initial value, which can normalise errors."""
+    """Return the estimated parameters with a nonzero initial value, by which errors are divided."""
     return tuple(name for name in names if scenario.initial.get(physical(name)[0]))
 
 
@@ -66,7 +66,7 @@ def started_nominal(scenario: Scenario) -> dict[str, float]:
 
 
 def started_theta(scenario: Scenario, names: Sequence[str]) -> NDArray[np.float64]:
-    """Return the initial estimates θ(0) (p,) of an estimator that starts at its nominal values.
+    """Return the initial estimates of an estimator that starts at its nominal values, θ(0) (p,).
 
     The initial estimate of a nonlinear-law parameter without a nominal value is the true value.
     """

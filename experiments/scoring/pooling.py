@@ -3,10 +3,11 @@
 There is one pooling function for each kind of score. A pooling function receives the columns for
 one parameter of one estimator on one scenario, and the name of a score. A pooling function returns
 a dict with the pooled score and, if available, a confidence interval. A column is an array with one
-number per run, in the order of the seeds. NaN means undefined, 1 means true, and 0 means false. The
-columns include ``seed`` and ``point`` (the sweep point), because only runs with different seeds are
-independent (`flexaxis.experiments.scoring.intervals`). Consistency scores exclude diverged runs,
-for which no covariance is reported. All scores except the consistency scores include diverged runs.
+number per run, in the order of the seeds. In a column, NaN means undefined, 1 means true, and 0
+means false. The columns include ``seed`` and ``point`` (the sweep point), because only runs with
+different seeds are independent (`flexaxis.experiments.scoring.intervals`). Consistency scores
+exclude diverged runs, for which no covariance is reported. All scores except the consistency scores
+include diverged runs.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -39,7 +40,7 @@ def values(columns: Columns, name: str) -> Array:
 
 
 def by(statistic: Callable[[Array], float]) -> Pool:
-    """Return a pooling function that applies a statistic to all values, such as ``by(np.max)``."""
+    """Return a pooling function that applies a statistic, such as np.max, to all values."""
 
     def pooled(columns: Columns, name: str) -> Pooled:
         x = values(columns, name)
@@ -144,10 +145,10 @@ def parts(names: Iterable[str]) -> Pool:
 def detections(names: Sequence[str]) -> Pool:
     """Return a pooling function for the detection scores, most of which are averaged.
 
-    ``missed`` is the fraction of faults without a finding. All faults in a failed run count as
-    missed. ``calm`` is the total time outside the windows of all faults [s], during which every
-    alarm is false. ``false_alarms_interval`` is the confidence interval for the number of false
-    alarms per 1000 s.
+    ``missed`` is the fraction of faults that the estimator does not report. All faults in a failed
+    run count as missed. ``calm`` is the total time outside the windows of all faults [s], during
+    which every alarm is false. ``false_alarms_interval`` is the confidence interval for the number
+    of false alarms per 1000 s.
     """
 
     def pooled(columns: Columns, name: str) -> Pooled:
@@ -173,8 +174,9 @@ def spread(std: ArrayLike, bias: ArrayLike, lost: Any = False) -> float:
 
     The formula √(mean std² − (mean bias)²) subtracts the mean of all runs. If the mean of each run
     were subtracted, slow variations of the estimates would disappear, which would favour slow
-    estimators. The estimates of a diverged run count as constant at a limit, so subtracting a mean
-    would remove the whole error. Therefore no mean is subtracted from diverged runs.
+    estimators. In a diverged run, the estimates are replaced by a constant plausibility limit, so
+    subtracting a mean would remove the whole error. Therefore no mean is subtracted from diverged
+    runs.
 
     Parameters
     ----------

@@ -23,17 +23,17 @@ PARTS: Mapping[str, str] = {
 
 
 def recovered_of(track: Track, i: int) -> float | None:
-    """Return the reduction [%] of the tracking error due to a fault by using estimates."""
+    """Return the percentage of the fault-induced tracking error that estimates help to avoid."""
     return recovered(track.tracking, "estimated")
 
 
 def recovered_told_of(track: Track, i: int) -> float | None:
-    """Return the reduction [%] of the tracking error due to a fault by using true parameters."""
+    """Return the percentage of the fault-induced tracking error that true parameters avoid."""
     return recovered(track.tracking, "told")
 
 
 def recovered(tracking: Mapping[str, float] | None, loop: str) -> float | None:
-    """Return 100 (frozen − loop)/(frozen − without_fault), computed from rms tracking errors.
+    """Return the avoided tracking error 100 (frozen − loop)/(frozen − without_fault) [%].
 
     The function returns None if the fault increases the tracking error by less than `COSTS`.
 

@@ -44,13 +44,13 @@ class Score:
     pool : callable, optional
         Function from `flexaxis.experiments.scoring.pooling`, such as ``pooling.mean`` or
         ``pooling.by(np.max)``. The call ``pool(columns, name)`` returns a dict with the pooled
-        score. The attribute is None if the score is not pooled.
+        score. `pool` is None if the score is not pooled.
     heading : str
         Column heading of the score in the report, or empty if the report omits the score.
     short : str
         Column heading of the score in the terminal, or empty if the terminal table omits the score.
     kind : {"number", "integer", "truth", "text"}
-        Type of the values in the column.
+        Type of the values in the column of the score.
     parts : mapping of str to str
         Units of the parts of a score that consists of several numbers, keyed by name. Each part of
         the score has its own column.
@@ -62,8 +62,8 @@ class Score:
         smaller scores by `zero` before ratios are computed.
     guard : bool
         Whether the score can be negative. Ratios of negative scores have no meaning, so `compare`
-        uses differences between absolute means, divided by the noise. The command reports only an
-        increase of the score.
+        uses differences between absolute means, divided by the noise. For a score that can be
+        negative, the command reports only an increase.
     shared : bool
         Whether the score is the same for all parameters of a run. A shared score is computed only
         once per run.
@@ -86,7 +86,7 @@ class Score:
 
     @property
     def compared(self) -> bool:
-        """Whether `compare` can use the score (a guard, or a number that should be small)."""
+        """Whether `compare` can use the score: `guard` is true, or smaller numbers are better."""
         return self.guard or (self.better == "less" and self.kind == "number")
 
 
@@ -96,10 +96,10 @@ SCORES: Mapping[str, Score] = {
         Score(
             "lag",
             scores.lag_of,
-            "Sum T Σ |θ̃|/D over the 5 s after the fault, or until the next event. T is the "
-            "sampling period, and D is the size of the fault. If the excitation is off when the "
-            "fault occurs, the sum starts when the excitation returns. The pooled lag is the "
-            "geometric mean over the runs.",
+            "Sum of the relative errors, T Σ |θ̃|/D, over the 5 s after the fault, or until the "
+            "next event. T is the sampling period, and D is the size of the fault. If the "
+            "excitation is off when the fault occurs, the sum starts when the excitation returns. "
+            "The pooled lag is the geometric mean over the runs.",
             unit="s",
             better="less",
             pool=pooling.geometric,
@@ -178,8 +178,8 @@ SCORES: Mapping[str, Score] = {
         Score(
             "excess",
             excess.excess_of,
-            "Increase θ̃ᵀQθ̃/σ² of the mean squared prediction error due to the errors of all "
-            "estimated parameters before the fault. The excess error is the same for all "
+            "Relative increase of the mean squared prediction error, θ̃ᵀQθ̃/σ², due to the errors "
+            "of all estimated parameters before the fault. The excess error is the same for all "
             "parameters and does not depend on units.",
             unit="",
             better="less",
@@ -192,8 +192,8 @@ SCORES: Mapping[str, Score] = {
             "diverged",
             lambda track, _: track.lost is not None,
             "Number of runs in which an estimate is not finite, or lies outside the range 0.1 to "
-            "10 × nominal for more than 1 s. After divergence, the scores use the farther of the "
-            "two limits as the estimate.",
+            "10 × nominal for more than 1 s. After divergence, the estimate is replaced by the "
+            "limit that is farther from the true value.",
             better="less",
             pool=pooling.count,
             heading="diverged",
@@ -298,8 +298,8 @@ SCORES: Mapping[str, Score] = {
         Score(
             "recovered",
             recovered.recovered_of,
-            "Percentage of the rms tracking error due to the fault that a controller avoids by "
-            "using the estimates. The percentage is 0 for feed-forward with nominal parameters, "
+            "Percentage of the fault-induced rms tracking error that a controller avoids by using "
+            "the estimates. The percentage is 0 for feed-forward with nominal parameters, "
             "and 100 if the tracking error is as small as without the fault. The percentage is "
             "undefined if the fault increases the tracking error by less than 20 %.",
             unit="%",
@@ -310,8 +310,8 @@ SCORES: Mapping[str, Score] = {
         ),
         Score(
             "recovered_told", recovered.recovered_told_of,
-            "Percentage of the rms tracking error due to the fault that a controller avoids by "
-            "using the true parameters.", unit="%", pool=pooling.mean,
+            "Percentage of the fault-induced rms tracking error that a controller avoids by using "
+            "the true parameters.", unit="%", pool=pooling.mean,
         ),
         Score(
             "tracking",

@@ -38,9 +38,9 @@ def box(nominal: Array, truth: Array) -> tuple[Array, Array]:
     """Return the lower and upper plausibility limits (p,) of the estimates.
 
     The limits are 0.1 and 10 × nominal for every estimator, even if an estimator has its own
-    bounds. If a true value (N, p) reaches the lower limit, the lower limit is the smallest true
-    value minus nominal. If a true value reaches the upper limit, the upper limit is the largest
-    true value plus 10 × nominal.
+    bounds. If the smallest of the true values (N, p) reaches the lower limit, the lower limit is
+    replaced by this value minus nominal. If the largest true value reaches the upper limit, the
+    upper limit is replaced by this value plus 10 × nominal.
     """
     lower, upper = np.sort(np.outer(BOX, nominal), axis=0)
     low, high, room = truth.min(axis=0), truth.max(axis=0), abs(nominal)
@@ -51,8 +51,9 @@ def box(nominal: Array, truth: Array) -> tuple[Array, Array]:
 def loss(theta: Array, edges: tuple[Array, Array], period: float) -> int | None:
     """Return the index of the sample at which a run diverges, or None if the run does not diverge.
 
-    A run diverges if an estimate (N, p) is not finite, or if an estimate is at or outside a limit
-    for more than 1 s. The function returns the first sample of the divergence.
+    A run diverges if any of the estimates (N, p) is not finite, or is at or outside a plausibility
+    limit for more than 1 s. The function returns the first sample at which one of these two
+    conditions begins.
     """
     lower, upper = edges
     room = EDGE * np.minimum(abs(lower), abs(upper))
@@ -138,7 +139,7 @@ class Track:
         return loss(self._judged(law), edges, self.scenario.period)
 
     def _judged(self, law: Sequence[bool]) -> Array:
-        """Return the estimates (N, p), but true values of nonlinear-law parameters during burn-in.
+        """Return the estimates (N, p), but with true nonlinear-law parameters during burn-in.
 
         Estimators receive no initial values of nonlinear-law parameters, so any initial estimate of
         these parameters is allowed.
@@ -212,7 +213,7 @@ class Track:
 def failed_track(scenario: Scenario, true_parameters: Array, torque: Array | None = None) -> Track:
     """Return the track of a failed run, which diverges at the first sample.
 
-    In the track of a failed run, the estimates of all parameters in `identify` are NaN.
+    In the track of a failed run, the estimates of all identified parameters are NaN.
 
     Parameters
     ----------

@@ -39,10 +39,10 @@ class Case:
     names : tuple of str
         Estimated parameters.
     curve : ndarray (M, p)
-        Every tenth estimate, divided by the nominal value.
+        Estimates at every tenth sample, divided by the nominal values.
     near : ndarray (W, p)
-        Every estimate around the first fault (`near_fault`), divided by the nominal value. Without
-        a fault, the array is empty (0, p).
+        Estimates at all samples around the first fault (`near_fault`), divided by the nominal
+        values. Without a fault, the array is empty (0, p).
     rows : list of dict
         Scores, with one row for each parameter.
     theta : ndarray (N, p) or None
@@ -99,8 +99,8 @@ def pool_rows(rows: pd.DataFrame, scenario: Scenario) -> list[dict[str, Any]]:
     Returns
     -------
     list of dict
-        Rows of scores that are pooled as `scoring.score_table.SCORES` defines. Each row also
-        contains ``scenario, parameter, changed`` and the number of ``seeds``.
+        Pooled scores, as defined in `scoring.score_table.SCORES`, with one row per parameter. Each
+        row also contains ``scenario, parameter, changed`` and the number of ``seeds``.
     """
     columns = {name: columns_of(own) for name, own in rows.groupby("parameter", sort=False)}
     shared = excess(columns, scenario)
@@ -158,10 +158,11 @@ def excess(by_name: Mapping[Any, pooling.Columns], scenario: Scenario) -> dict[s
     Parameters
     ----------
     by_name : mapping of str to columns
-        Columns of each estimated parameter, for the same runs of one scenario.
+        Score columns of each estimated parameter, for the same runs of one scenario.
     scenario : Scenario
-        Scenario of the runs. The excess error depends on the biases of the parameters in
-        `identify`. The bias of a parameter that the estimator does not estimate counts as zero.
+        Scenario of the runs. The excess error depends on the biases of the estimates of all
+        identified parameters. The bias of a parameter that the estimator does not estimate counts
+        as zero.
     """
     first = next(iter(by_name.values()))
     each, lost = first["excess"], first["lost_before"] > 0

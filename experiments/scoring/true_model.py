@@ -43,7 +43,7 @@ class Described:
         The call ``values(table)`` returns the law parameters that are not plant parameters.
     beside : tuple of Law
         Other nonlinear laws that the model needs in order to describe the scenario table. For
-        example, gear friction needs the spring law, which provides the load.
+        example, gear friction depends on the load torque, which the spring law provides.
     """
 
     law: Law
@@ -131,7 +131,7 @@ def model_theta(scenario: Scenario, names: Sequence[str], parameters: Array) -> 
 
 
 def tracked(scenario: Scenario, names: Sequence[str]) -> tuple[str, ...]:
-    """Return the names of all unknown parameters after a jump, that is, `names` and f_c."""
+    """Return the names of all unknown parameters after a jump, including Coulomb friction f_c."""
     return (*names, *(name for name in ("f_c",) if name in scenario.laws and name not in names))
 
 
@@ -141,7 +141,7 @@ def untold(scenario: Scenario, names: Sequence[str]) -> dict[str, float]:
     The result does not contain the parameters in `names`. A prior error is a standard deviation
     divided by the parameter. For parameters that estimators know with an error, the prior error is
     the rms relative error of all known values. For other parameters of nonlinear laws, the prior
-    error is `PRIOR`.
+    error has the default value `PRIOR`.
     """
     model, factors = true_model(scenario, scenario.unchanged), scenario.known_factors
     error = float(np.sqrt(np.mean(np.square(np.log([1.0, *factors.values()])))))
@@ -173,11 +173,11 @@ def _described(scenario: Scenario) -> dict[str, Described]:
 
 
 FINER = 2
-"""Number of integration steps per sample, relative to estimators with nonlinear laws.
+"""Number of integration steps per sample, divided by the number in estimators with nonlinear laws.
 
-With twice as many steps, the errors of the bounds are at most 3 % in tests. Coulomb friction is an
-exception, because it is almost discontinuous. The lag bound for Coulomb friction differs by up to 7
-% from the lag bound with 16 times as many steps.
+With twice as many steps as in the estimators, the errors of the bounds are at most 3 % in tests.
+Coulomb friction is an exception, because it is almost discontinuous. The lag bound for Coulomb
+friction differs by up to 7 % from the lag bound with 16 times as many steps.
 """
 
 
@@ -190,7 +190,7 @@ def jump_gradient(
     period: float,
 ) -> Array:
     """
-    Return the gradient ψ₀ (N, p) at the first N samples after a jump.
+    Return the predictor gradient ψ₀ (N, p) at the first N samples after a jump.
 
     The state at the jump does not depend on the new θ, so the sensitivities start at zero. As a
     result, the data provide information more slowly than in steady state.
@@ -214,7 +214,7 @@ def jump_gradient(
 def _travel(
     model: Parametrization, theta: ArrayLike, u: ArrayLike, x: ArrayLike, period: float
 ) -> tuple[Array, Array]:
-    """Return the gradient (N, p) and final state (n,) for a torque (N,) and an initial state."""
+    """Return the predictor gradient (N, p) and the final state (n,) for a torque (N,)."""
     steps = FINER * law_steps(model, period)
     simulated = simulation(model, theta, period, steps=steps)
     X = simulated["X"]  # the derivatives with respect to θ start at zero

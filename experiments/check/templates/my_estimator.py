@@ -45,7 +45,7 @@ class Mine:
         self.theta = self.nominal["f_m"] * np.clip(ratio, 0.1, 10)
 
     def _model(self):
-        """(3) Return the matrix M of dX/dt = M X, for two shaft twists and three speeds in x."""
+        """(3) Return the matrix M of dX/dt = M X; x has two shaft twists and three speeds."""
         names = "r k_T J_m J_g J_a k_g k_a d_g d_a f_g f_a"
         r, k_T, J_m, J_g, J_a, k_g, k_a, d_g, d_a, f_g, f_a = map(
             self.nominal.__getitem__, names.split()
