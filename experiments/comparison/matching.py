@@ -42,7 +42,7 @@ class Setting:
         Setting of the tuning parameter, divided by the default setting.
     rows : DataFrame
         Scores of the parameter with the fault, with one row per seed, sorted by seed. All settings
-        of an estimator have the same seeds.
+        of an estimator are run with the same seeds.
     biases : ndarray (n, p)
         Biases of the estimates of all identified parameters, with one row per run [% of nominal].
     information : ndarray (p, p) or None
@@ -59,7 +59,7 @@ class Setting:
     def of(
         text: str, factor: float, frame: pd.DataFrame, parameter: str, scenario: Scenario
     ) -> Setting:
-        """Create a setting from a table of scores that contains one row per seed and parameter."""
+        """Create a `Setting` from a table of scores with one row per seed and parameter."""
         wide = frame.pivot(index="seed", columns="parameter", values="bias")
         biases = wide.reindex(columns=list(scenario.identify)).fillna(0.0).to_numpy(float)
         rows = frame[frame["parameter"] == parameter].sort_values("seed")

@@ -171,7 +171,7 @@ def match_noise(text: str, trials: Trials) -> Tuned:
         errors = (trials.noises(tried) - target).dropna()
         if trials.match not in errors:
             raise FlexaxisError(
-                f"{tried} has no noise to match. Either its estimates are constant, or the "
+                f"{tried} has no noise to match. Either the estimates are constant, or the "
                 "estimator does not estimate all parameters that are needed to match "
                 f"{trials.match!r}"
             )
@@ -234,7 +234,7 @@ def equally_noisy(
         raise FlexaxisError(
             "--match-std: no scenario has a fault in a parameter that both estimators estimate, "
             "so there is no lag to compare. Run `flexaxis list` to find a scenario with a fault "
-            "in a parameter that both of them estimate"
+            "in a parameter that both estimators estimate"
         )
     match = EXCESS if len(every) > 1 else every.pop()
     where = [s for s, names in zip(scenarios, changing, strict=True) if names]

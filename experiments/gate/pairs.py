@@ -106,7 +106,7 @@ def pair(base: pd.DataFrame, candidate: pd.DataFrame, margins: Mapping[str, floa
     if both["seed"].nunique() < 2:
         raise FlexaxisError(
             "the base and the candidate have fewer than 2 runs in common: compare estimators that "
-            "estimate a common parameter, on the same scenarios and seeds"
+            "estimate the same parameter, on the same scenarios and seeds"
         )
     groups, sides = both.groupby(KIND), dict(zip(SIDES, (base, candidate), strict=True))
     scores = [_score(part, *key, *each) for key, part in groups for each in margins.items()]  # type: ignore[call-arg]

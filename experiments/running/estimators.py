@@ -139,8 +139,8 @@ def text_of(make: str | Factory) -> str:
     if not name.isidentifier() or name in REGISTRY:
         raise EstimatorError(
             f"{make!r}: give the name of an estimator such as 'glr', or a class with a name that "
-            "is not registered. An instance of a class does not work, because each run needs a "
-            "new instance"
+            "is not registered. An instance of a class is not accepted, because each run needs "
+            "a new instance"
         )
     home = sys.modules.get(module)
     if module != "__main__" and getattr(home, name, None) is make and home.__spec__:  # type: ignore[union-attr]
@@ -269,8 +269,8 @@ def build(spec: Spec, scenario: Scenario) -> Estimator:
     """Construct an estimator from the scenario properties that estimators are allowed to know.
 
     The constructor receives the sampling period and the nominal parameters. The nominal parameters
-    are scaled by `start` and include data-sheet values. The constructor also receives the arguments
-    `identify`, `output`, `noise` and `torque` if it accepts these keywords. The argument `noise`
+    are scaled by `start` and include data-sheet values. The constructor also receives each of the
+    arguments `identify`, `output`, `noise` and `torque` that it accepts. The argument `noise`
     requires a data sheet with a noise level. The argument `torque` is the torque of a nominal run,
     from which estimators compute the initial covariance P(0). Registered estimators are cached and
     copied, because constructing an estimator takes as long as a run. A user-written estimator is

@@ -169,8 +169,7 @@ class Store:
         Raises
         ------
         StudyError
-            If the other folder contains no scores, or if another version of the code computed its
-            scores.
+            If the other folder contains no scores, or scores from another version of the code.
         """
         other = Store.read(folder)
         other.check()

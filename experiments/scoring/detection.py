@@ -74,7 +74,7 @@ def detection(
 def _firsts(
     scenario: Scenario, names: Sequence[str], findings: Sequence[Any]
 ) -> list[tuple[Window, Any]]:
-    """Return the window of each fault with its first finding, or with None without a finding."""
+    """Return the window of each fault, with the first reported change in the window or None."""
     return [(w, next((f for f in findings if w.start <= f.alarm < w.stop), None))
             for w in windows(scenario, names)]  # fmt: skip
 
@@ -93,9 +93,9 @@ def isolation(
     -------
     list of dict, or None
         One dict per fault. ``fault`` is the parameter that changed. ``named`` is the list of
-        physical parameters that the first finding in the window names. This list is empty if the
-        first finding names no parameter. ``named`` is None if the estimator misses the fault. The
-        function returns None if `findings` is None.
+        physical parameters that the first report in the window names, which is empty if the report
+        names no parameter. ``named`` is None if the estimator misses the fault. The function
+        returns None if `findings` is None.
     """
     if findings is None:
         return None

@@ -88,8 +88,8 @@ def check_model(scenario: Scenario) -> None:
     if not has_model(scenario):
         raise ScenarioError(
             f"{scenario.name}: estimators have no model {scenario.model} with the parameters "
-            f"{', '.join(scenario.nominal)}. Estimates and bounds need a model with all of these "
-            "parameters. Add a model to estimators/models/axes.py (see docs/extending.md). The "
+            f"{', '.join(scenario.nominal)}. Estimates and bounds need a model with all parameters "
+            "of the plant. Add a model to estimators/models/axes.py (see docs/extending.md). The "
             "command `flexaxis simulate` needs no model"
         )
 

@@ -14,7 +14,7 @@ from flexaxis.sim.simulate import tracked
 Array = NDArray[np.float64]
 
 COSTS = 0.2
-"""The score is undefined if a fault increases the tracking error by less than this fraction."""
+"""Smallest relative increase of the tracking error by a fault for which the score is defined."""
 
 PARTS: Mapping[str, str] = {
     "without_fault": "rad", "frozen": "rad", "told": "rad", "estimated": "rad", "limited": ""
@@ -80,11 +80,11 @@ def tracking(scenario: Scenario, seed: int, estimator: Any) -> Mapping[str, floa
     Returns
     -------
     mapping of str to float, or None
-        ``frozen``, ``told`` and ``estimated`` are the rms tracking errors with the fault for a
-        controller with nominal, true and estimated parameters, respectively [rad].
-        ``without_fault`` is the rms tracking error without the fault [rad]. ``limited`` is the
-        number of samples at which the estimates were limited. The function returns None if the
-        scenario has no adaptive feed-forward or no fault.
+        ``frozen``, ``told`` and ``estimated`` are the rms tracking errors with the fault [rad] for
+        a controller with nominal, true or estimated parameters. ``without_fault`` is the rms
+        tracking error without the fault [rad]. ``limited`` is the number of samples at which the
+        estimates were limited. The function returns None if the scenario has no adaptive
+        feed-forward or no fault.
     """
     if scenario.controller.adapt is None or not scenario.fault:
         return None

@@ -149,8 +149,8 @@ SCORES: Mapping[str, Score] = {
             "std_after",
             scores.std_after_of,
             "Standard deviation of the estimation error in the last 2 s of the window after the "
-            "fault. This score reveals estimators whose std before the fault is low only because "
-            "their estimates hardly change.",
+            "fault. The std after a fault reveals estimators whose std before the fault is low "
+            "only because their estimates hardly change.",
             unit="%",
             better="less",
             pool=pooling.deviation("bias_after", "lost_after"),
@@ -253,8 +253,7 @@ SCORES: Mapping[str, Score] = {
             "nees",
             consistency.nees_of,
             "Normalised squared estimation error θ̃ᵀ Σ⁻¹ θ̃ before the fault. If the reported "
-            "covariance Σ is correct, the mean of this score is the number of estimated "
-            "parameters.",
+            "covariance Σ is correct, the mean NEES is the number of estimated parameters.",
             unit="",
             pool=pooling.mean,
             heading="NEES",
@@ -264,7 +263,7 @@ SCORES: Mapping[str, Score] = {
             "nis",
             consistency.nis_of,
             "Mean normalised squared innovation before the fault. If the innovation variance that "
-            "the estimator reports is correct, the mean of this score is 1.",
+            "the estimator reports is correct, the mean NIS is 1.",
             unit="",
             pool=pooling.mean,
             heading="NIS",
@@ -274,7 +273,7 @@ SCORES: Mapping[str, Score] = {
             "whiteness",
             consistency.whiteness_of,
             "Ljung–Box statistic of the innovations before the fault, divided by its degrees of "
-            "freedom. The mean of this score is 1 for white innovations, and larger for "
+            "freedom. The mean of the statistic is 1 for white innovations, and larger for "
             "correlated innovations.",
             unit="",
             pool=pooling.mean,

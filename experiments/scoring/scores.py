@@ -52,8 +52,8 @@ def loss(theta: Array, edges: tuple[Array, Array], period: float) -> int | None:
     """Return the index of the sample at which a run diverges, or None if the run does not diverge.
 
     A run diverges if any of the estimates (N, p) is not finite, or is at or outside a plausibility
-    limit for more than 1 s. The function returns the first sample at which one of these two
-    conditions begins.
+    limit for more than 1 s. If an estimate remains at a limit, the function returns the sample at
+    which the estimate reached the limit.
     """
     lower, upper = edges
     room = EDGE * np.minimum(abs(lower), abs(upper))

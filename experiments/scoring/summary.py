@@ -44,7 +44,7 @@ class Case:
         Estimates at all samples around the first fault (`near_fault`), divided by the nominal
         values. Without a fault, the array is empty (0, p).
     rows : list of dict
-        Scores, with one row for each parameter.
+        Scores of the run, with one row for each parameter.
     theta : ndarray (N, p) or None
         All estimates.
     """

@@ -1,4 +1,4 @@
-"""Build a model with the true nonlinear laws and parameters of an axis, and its gradient."""
+"""Build a model with the true nonlinear laws and parameters of an axis, and compute gradients."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
