@@ -46,12 +46,13 @@ TEXTS = {
 """Phrases for the headline and the advice in a comparison report."""
 
 LEGEND = (
-    "The results are based on {seeds} common seeds. The change is the geometric mean of "
-    "candidate/base, in percent or as a factor. For a bias, the change is the difference "
-    "candidate − base. A standard deviation (std) is computed around the mean of all runs.",
-    "The interval is Student's t interval for the mean log-ratio, at the level of Holm's "
-    'procedure. The probability of any false verdict "worse" or "better" is at most '
-    "{percent:.2g} %.",
+    "The results are based on {seeds} common seeds. The change is computed from the geometric mean "
+    "of candidate/base, and shown in percent or as a factor. For a bias, the change is the "
+    "difference candidate − base. A standard deviation (std) is computed around the mean of all "
+    "runs.",
+    "The interval of a change is Student's t interval for the mean log-ratio, at the level of "
+    "Holm's procedure. The probability of any false verdict "
+    '"worse" or "better" is at most {percent:.2g} %.',
     'The verdict is "worse" or "better" if the interval lies outside the margin ({margins}) and '
     'enough runs confirm the change. The verdict is "slight" or "same" if the interval lies inside '
     "the margin.",

@@ -80,8 +80,8 @@ def tracking(scenario: Scenario, seed: int, estimator: Any) -> Mapping[str, floa
     Returns
     -------
     mapping of str to float, or None
-        ``frozen``, ``told`` and ``estimated`` are the rms tracking errors with the fault [rad] for
-        a controller with nominal, true or estimated parameters. ``without_fault`` is the rms
+        ``frozen``, ``told`` and ``estimated`` are the rms tracking errors with the fault, for a
+        controller with nominal, true or estimated parameters [rad]. ``without_fault`` is the rms
         tracking error without the fault [rad]. ``limited`` is the number of samples at which the
         estimates were limited. The function returns None if the scenario has no adaptive
         feed-forward or no fault.

@@ -200,7 +200,7 @@ class Track:
         return [self.error[w.start : w.stop, i] / w.D for w in self.windows_of(i)]
 
     def ends(self, i: int) -> Array:
-        """Return θ̃ [%] in the last 2 s of all windows of parameter i that are longer than 2 s."""
+        """Return the errors of parameter i in the last 2 s of all windows longer than 2 s [%]."""
         length = round(AFTER / self.scenario.period)
         parts = [
             self.percent[w.stop - length : w.stop, i]
@@ -235,7 +235,7 @@ def lag(relative: Array, period: float) -> Any:
 
 
 def settling(relative: Array, level: float, period: float) -> float | None:
-    """Return the time [s] after which θ̃/D (n,) remains within ±level, or None if never."""
+    """Return the time [s] after which the relative error (n,) remains within ±level, or None."""
     outside = np.flatnonzero(~(np.abs(relative) <= level))  # NaN counts as outside
     settled = 0 if not outside.size else int(outside[-1]) + 1
     return None if settled == len(relative) else settled * period
@@ -261,10 +261,10 @@ def lag_of(track: Track, i: int) -> float | None:
 
 
 def t10_of(track: Track, i: int) -> float | None:
-    """Return the mean time [s] after which θ̃ remains within ±0.1 D until the end of the window.
+    """Return the mean time after which the error θ̃ stays within ±10 % of the fault size D [s].
 
-    The function returns None if the run diverges, if there is no window, or if θ̃ is outside ±0.1 D
-    at the end of any window.
+    The function returns None if the run diverges, if there is no window, or if the error exceeds
+    ±0.1 D at the end of any window.
     """
     times = [settling(part, 0.1, track.scenario.period) for part in track.relative(i)]
     if track.lost is not None or not times or None in times:
@@ -273,33 +273,33 @@ def t10_of(track: Track, i: int) -> float | None:
 
 
 def never_settled_of(track: Track, i: int) -> bool | None:
-    """Return whether θ̃ is outside ±0.1 D at the end of any window of a parameter."""
+    """Return whether the error θ̃ exceeds 10 % of the fault size D at the end of any window."""
     parts = track.relative(i)
     return any(settling(p, 0.1, track.scenario.period) is None for p in parts) if parts else None
 
 
 def std_of(track: Track, i: int) -> float | None:
-    """Return the rms of θ̃ before the fault [% of nominal], without subtracting the mean."""
+    """Return the rms error before the fault, without subtracting the mean [% of nominal]."""
     return finite(rms(track.percent[track.quiet, i])) if track.quiet.size else None
 
 
 def bias_of(track: Track, i: int) -> float | None:
-    """Return the mean of θ̃ before the fault [% of nominal]."""
+    """Return the mean error before the fault [% of nominal]."""
     return finite(track.percent[track.quiet, i].mean()) if track.quiet.size else None
 
 
 def std_after_of(track: Track, i: int) -> float | None:
-    """Return the rms of θ̃ in the last 2 s of all windows of a parameter [% of nominal]."""
+    """Return the rms error of a parameter in the last 2 s of all windows [% of nominal]."""
     return finite(rms(ends)) if (ends := track.ends(i)).size else None
 
 
 def bias_after_of(track: Track, i: int) -> float | None:
-    """Return the mean of θ̃ in the last 2 s of all windows of a parameter [% of nominal]."""
+    """Return the mean error of a parameter in the last 2 s of all windows [% of nominal]."""
     return finite(ends.mean()) if (ends := track.ends(i)).size else None
 
 
 def cross_talk_of(track: Track, i: int) -> float | None:
-    """Return the rms of θ̃ in all windows [% of nominal] for a parameter that does not change."""
+    """Return the rms error of a parameter that does not change, in all windows [% of nominal]."""
     spans = [track.percent[w.start : w.stop, i] for w in track.windows]
     return finite(rms(np.concatenate(spans))) if spans and not track.windows_of(i) else None
 

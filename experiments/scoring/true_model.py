@@ -152,7 +152,7 @@ def untold(scenario: Scenario, names: Sequence[str]) -> dict[str, float]:
 
 
 def sizes(scenario: Scenario, names: Sequence[str], theta: Array) -> Array:
-    """Return the scales (p,) of the parameters θ (p,), relative to which priors are defined.
+    """Return the scale of each parameter in θ (p,), relative to which its prior is defined.
 
     The scale of a parameter is its value in `theta`. If the value is zero, the scale is the initial
     value of the parameter. If a cogging coefficient is zero, its scale is the initial cogging
