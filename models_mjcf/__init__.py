@@ -52,7 +52,7 @@ def model_files(name: str) -> tuple[str, dict[str, bytes]]:
         Content of the MJCF file ``name/name.xml``.
     assets : dict of str to bytes
         Contents of all files in the model's folder, keyed by file name. The MJCF text can include
-        these files with ``<include>``.
+        any of these files with ``<include>``.
 
     Raises
     ------

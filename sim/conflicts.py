@@ -120,7 +120,7 @@ def _known_keys(words: list[str], top: type[BaseModel]) -> Iterable[str]:
 def conflicts(scenario: Scenario) -> Iterator[Problem]:
     """Report each scenario value that conflicts with another value or is invalid for the plant.
 
-    The types of all values must already have been checked.
+    Before this function is called, the types of all values must have been checked.
     """
     yield from _rate_problems(scenario)
     yield from _axis_problems(scenario)
@@ -193,7 +193,7 @@ def estimated_problems(
     key : str
         Key of the scenario that contains `names`; each message begins with this key.
     besides : sequence of str
-        Names of other allowed parameters, besides the axis parameters and their inverses.
+        Names of allowed parameters in addition to the axis parameters and their inverses.
     """
     known, seen = parameter_names(scenario.model), dict[str, str]()
     for i, name in enumerate(names):
@@ -258,7 +258,7 @@ def _span_problems(change: Fault, period: float) -> Iterator[Problem]:
     times = (0.0, *(time for time, _ in getattr(change, "points", ())))
     for i, (before, after) in enumerate(pairwise(sample_index(t, period) for t in times)):
         if after == before:
-            text = f"a point must be at least one sample ({period:g} s) after the previous point"
+            text = f"a corner must be at least one sample ({period:g} s) after the previous corner"
             yield f"points[{i}]", text
 
 
@@ -306,6 +306,6 @@ def _pause_problems(scenario: Scenario) -> Iterator[Problem]:
     if spread > most:
         yield (
             "onset_spread",
-            f"the spread must be at most {max(most, 0):g} s, not {spread:g}: all changes from "
+            f"onset_spread must be at most {max(most, 0):g} s, not {spread:g}: all changes from "
             f"{min(times):g} to {max(times):g} s must remain within the run of {duration:g} s",
         )

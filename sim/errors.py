@@ -15,7 +15,7 @@ class ParameterError(FlexaxisError):
 
 
 class ScenarioError(FlexaxisError):
-    """A scenario is invalid; the message contains one line for each problem.
+    """A scenario is invalid; the error message contains one line for each problem.
 
     Attributes
     ----------

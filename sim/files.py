@@ -37,7 +37,7 @@ def atomic(path: str | os.PathLike[str]) -> Iterator[Path]:
     Parameters
     ----------
     path : path-like
-        File to create or replace; its folder must exist.
+        File to create or replace; the folder of the file must exist.
 
     Raises
     ------

@@ -30,7 +30,7 @@ def _a_key(streams: str) -> str:
     if streams in (PLANT, CONTENT) or re.fullmatch("[0-9a-f]{64}", streams):
         return streams
     raise ValueError(
-        f'the value must be "{PLANT}", "{CONTENT}", or the `key` of a scenario (64 hex digits), '
+        f'`streams` must be "{PLANT}", "{CONTENT}", or the `key` of a scenario (64 hex digits), '
         f"not {streams!r}"
     )
 

@@ -16,7 +16,8 @@ def set_keys(content: dict[str, Any], changes: Mapping[str, Any], *, source: str
     Raises
     ------
     ScenarioError
-        If a key does not exist. The error message contains the name `source` and the invalid key.
+        If a dotted key does not exist. The error message contains the name `source` and the invalid
+        key.
 
     Examples
     --------

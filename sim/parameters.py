@@ -22,9 +22,9 @@ _UNITS = {
 def nominal_numbers(model: str) -> Mapping[str, float]:
     """Read the names and nominal values of a model's parameters from its MJCF file.
 
-    The torque constant ``k_T`` is the attribute `gear` of the motor in the MJCF file. Each body has
-    an inertia such as ``J_m`` and a friction coefficient such as ``f_m``. Each tendon has a
-    stiffness such as ``k_g`` and a damping coefficient such as ``d_g``. The subscript of a
+    The torque constant ``k_T`` is the attribute `gear` of the motor actuator in the MJCF file. Each
+    body has an inertia such as ``J_m`` and a friction coefficient such as ``f_m``. Each tendon has
+    a stiffness such as ``k_g`` and a damping coefficient such as ``d_g``. The subscript of a
     parameter is the first letter of the body's or tendon's name. If the model has only one tendon,
     the tendon parameters have no subscript. The gear ratio ``r`` is the coefficient of the motor
     joint in the first tendon. If the gear ratio of a model is 1, the model has no parameter ``r``.
@@ -115,12 +115,12 @@ The parameter f_c is the Coulomb friction, and f_s is the breakaway torque minus
 friction. The parameter v_s is the Stribeck speed. The bristles of LuGre friction have the stiffness
 sigma_0 and the damping sigma_1. The parameters alpha and beta are inverse speeds that define the
 static friction curve. The parameter kappa is the ratio of cubic to linear stiffness of the gear
-spring. The parameter gap is the width of the backlash gap on the arm side. In the parameter array
-of a record, nonlinear parameters have the columns after the axis parameters.
+spring. The parameter ``gap`` is the width of the backlash gap on the arm side. In the parameter
+array of a record, the last columns contain the nonlinear parameters.
 """
 
 LAW_NAMES = tuple(LAW_UNITS)
-"""Names of the parameters in `LAW_UNITS`, in the order of their columns in parameter arrays."""
+"""Names of all nonlinear parameters, in the order of their columns in parameter arrays."""
 
 LAW_MAY_BE_ZERO = frozenset({"f_c", "f_s"})
 """Names of the friction parameters that a fault can set to zero."""
@@ -139,8 +139,8 @@ LAW_PARAMETERS: Mapping[str, tuple[str, ...]] = {
 }
 """Names of the nonlinear parameters that each scenario table defines, keyed by table name.
 
-The values of the parameters are in the attribute `law` of the scenario table. If several tables of
-a scenario define a parameter with the same name, the first table determines its value.
+The attribute `law` of a scenario table contains the parameter values of the table. If several
+tables of a scenario define a parameter with the same name, the first table determines its value.
 """
 
 FIXED = {"gap": "backlash", "kappa": "stiffening"}

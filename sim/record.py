@@ -57,7 +57,7 @@ class Record:
 
     The motion signals at index k are measured at the time t_k, and the torque at index k acts from
     t_k to t_{k+1}. A record must have the fields `time` and `torque`, and at least one of the
-    fields `speed`, `increment` and `angle`. All other fields can be None.
+    fields `speed`, `increment` and `angle`. All other fields of a record can be None.
 
     Attributes
     ----------
@@ -304,6 +304,6 @@ def _check_grid(time: Array) -> None:
         k = int(np.argmax(uneven))
         raise RecordError(
             f"time is not evenly spaced: samples {k} and {k + 1} are {steps[k]:.6g} s apart, but "
-            f"most samples are {np.median(steps):.6g} s apart. Resample the signals, or mark "
-            "gaps with valid = False."
+            f"most samples are {np.median(steps):.6g} s apart. Resample the signals, or set "
+            "valid = False at missing samples."
         )

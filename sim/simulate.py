@@ -90,7 +90,7 @@ def tracked(
     Parameters
     ----------
     scenario : Scenario
-        Scenario that determines the random numbers of all runs.
+        Scenario that determines the random numbers in all runs.
     runs : sequence of Scenario
         Scenario of each run; the scenarios of the runs differ only in their faults.
     seed : int
@@ -98,7 +98,7 @@ def tracked(
     followers : sequence of Follower or None
         Estimator of each run, which provides parameter estimates for the feed-forward, or None.
     samples : int, optional
-        Number N of samples to simulate; by default the number of samples in the scenario.
+        Number of samples to simulate (default: all samples of the scenario).
 
     Returns
     -------
@@ -160,7 +160,7 @@ def _records(scenario: Scenario, seeds: list[int], truth: Truth, read: list[Arra
 
 
 def record_of(scenario: Scenario, seed: int, signals: Mapping[str, Any]) -> Record:
-    """Create the record of a run from its signals (N,), keyed by signal name."""
+    """Create the record of a run from a dict of its signals, keyed by signal name."""
     run = scenario.drawn(seed)
     return Record(
         time=scenario.times,

@@ -85,7 +85,7 @@ def _radius(
 
 
 def _sampled(parameters: AxisParameters, period: float) -> tuple[Array, Array]:
-    """Return F (2n, 2n) and g (2n,) of the discrete-time axis model x[k+1] = F x[k] + g u[k].
+    """Return F and g of the discrete-time axis model x[k+1] = F x[k] + g u[k].
 
     The state x contains the angles and speeds of the masses. The torque u is constant during a
     sample. For a linear axis, a Runge-Kutta step of the physics engine equals a fourth-order Taylor

@@ -13,9 +13,9 @@ PERIOD = 0.005
 SHORTEST, LONGEST = 0.001, 0.01
 """Shortest and longest sampling period that a scenario can have [s].
 
-The shortest sampling period is equal to the simulation step of the physics engine. With a sampling
-period above 10 ms, half the sampling rate would be too close to the natural frequencies of the axes
-(up to 24 Hz).
+The shortest sampling period is equal to the simulation step of the physics engine. If the sampling
+period were longer than 10 ms, half the sampling rate would be too close to the natural frequencies
+of the axes (up to 24 Hz).
 """
 
 TICK = 0.001
@@ -75,10 +75,12 @@ def checked_period(period: float) -> float:
     0.0025
     """
     if not SHORTEST <= period <= LONGEST:
-        raise ValueError(f"the period must be from {SHORTEST:g} to {LONGEST:g} s, not {period:g}")
+        raise ValueError(
+            f"the sampling period must be from {SHORTEST:g} to {LONGEST:g} s, not {period:g}"
+        )
     if abs(1 / period - rate(period)) > 1e-6:
         raise ValueError(
-            f"one second must be a multiple of the period: use {1 / rate(period):.6g} s "
+            f"one second must be a multiple of the sampling period: use {1 / rate(period):.6g} s "
             f"({rate(period)} Hz), not {period:g}"
         )
     return period

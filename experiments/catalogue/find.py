@@ -170,8 +170,8 @@ def _frozen(scenario: Scenario, name: str) -> Scenario:
     if frozen_hash is None:
         raise ScenarioError(
             f"{name}: the scenario has no frozen hash. When the scenario is final, add the line "
-            f'"{name}" = "{result}" to {HOME / HASHES}. Without a frozen hash, use the path of '
-            "the scenario file"
+            f'"{name}" = "{result}" to {HOME / HASHES}. To use a scenario without a '
+            "frozen hash, give the path of its file"
         )
     if frozen_hash != result:
         raise ScenarioError(

@@ -68,8 +68,9 @@ class LiveAxis:
     noise : float
         Standard deviation of the motor speed noise [rad/s].
     excitation : {"on", "stop-and-go", "off"}
-        Mode of the reference. With "on", the reference moves. With "stop-and-go", motion and
-        standstill alternate. With "off", the reference keeps its last value.
+        Mode of the reference. If the mode is "on", the reference moves all the time. If the mode is
+        "stop-and-go", motion and standstill alternate. If the mode is "off", the reference keeps
+        its last value.
     """
 
     def __init__(self, *, seed: int = 0) -> None:
@@ -113,13 +114,13 @@ class LiveAxis:
 
     @property
     def state(self) -> Array:
-        """State (5,): twists of gear and arm [rad], and speeds of motor, gear and arm [rad/s]."""
+        """State: twists of gear and arm [rad], and speeds of motor, gear and arm [rad/s]."""
         motor, gear, arm = self.angles
         return np.array([self.parameters.r * motor - gear, gear - arm, *self._plant.speeds[0]])
 
     @property
     def values(self) -> Array:
-        """Current parameter values (P,), in the order of `Scenario.parameter_names`."""
+        """Current parameter values in the order of `Scenario.parameter_names`, as an array (P,)."""
         return np.array([*self.parameters.values(), *self.scenario.laws.values()])
 
     def theta(self, names: Sequence[str]) -> Array:

@@ -127,7 +127,7 @@ class Racer:
         self.thoughts, self._changed = [], self._seen
 
     def run(self, torque: Array, measured: Array) -> Array:
-        """Process n samples, and return the estimates of the parameters in `SHOWN` as (n, 4)."""
+        """Process the next samples, and return the estimates of the parameters in `SHOWN`."""
         each = hasattr(self._estimator, "beliefs") and len(self.thoughts) < WATCHED
         estimates = []
         for part in np.split(np.stack([torque, measured]), len(torque) if each else 1, axis=1):

@@ -61,7 +61,7 @@ class DemoSession:
     racers : list of Racer
         Estimators A and B.
     factors : dict of str to float
-        Ratio of each changed parameter to its nominal value, keyed by parameter.
+        Ratio of the current to the nominal value of each changed parameter, keyed by parameter.
     changes : list of Change
         All previous parameter changes, each with the subsequent errors of the estimators.
     message : str
@@ -101,7 +101,7 @@ class DemoSession:
             samples -= n
 
     def curves(self) -> dict[str, Array]:
-        """Return the curves of the last `SPAN` seconds, with one point per `MARK` samples.
+        """Return the plotted curves of the last `SPAN` seconds, with one point per `MARK` samples.
 
         The array ``truth`` (M, 4) contains the true parameter values at the times ``time`` (M,).
         The arrays ``theta`` and ``deviation`` (M, 2, 4) contain the estimates of both estimators

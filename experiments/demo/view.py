@@ -49,7 +49,8 @@ def view(
     at : float
         Time of the image, or start time of the replay [s].
     exaggerate : float
-        Magnification of the joint twist. If the value is 1, the drawing shows the true angles.
+        Magnification of the joint twist. If the magnification is 1, the drawing shows the true
+        angles.
     picture : str or Path, optional
         Path of the PNG file to write. By default, the function writes no file and opens a window.
         Writing a PNG file does not require a display.
@@ -88,7 +89,7 @@ def view(
 
 
 def poses(record: Record, *, exaggerate: float) -> Array:
-    """Return the angles at which the n masses are drawn, with magnified twist [rad], as (N, n).
+    """Return the angles at which to draw the masses, including the magnified twist [rad].
 
     Raises
     ------

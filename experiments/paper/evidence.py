@@ -133,25 +133,25 @@ class Evidence:
 
     @cached_property
     def reference(self) -> Array:
-        """Torque (8000,) [N m] of a separate simulation with nominal parameters."""
+        """Torque of a separate simulation with nominal parameters [N m]."""
         return nominal_torque(self.scenario)
 
     def predict(self, torque: Array) -> tuple[Array, Array]:
-        """Compute the predicted output ŷ (N,) and its gradient ψ (N, p) with nominal parameters."""
+        """Compute the predicted output ŷ and its gradient ψ for nominal parameters."""
         return predict(self.model, self.theta, torque, period=self.period)
 
     def steady(self, signal: Array) -> Array:
-        """Return the last two periods of the signal (N, …), which contain no initial transient."""
+        """Return the last two periods of a signal, which contain no initial transient."""
         return signal[-2 * round(self.excitation.period / self.period) :]
 
     def gradient_power(self, torque: Array) -> Array:
-        """Return the matrix E ψψᵀ (p, p) of equation (31) for a torque signal (N,)."""
+        """Return the gradient covariance E ψψᵀ of equation (31) for a torque signal."""
         psi = self.steady(self.predict(torque)[1])
         return psi.T @ psi / len(psi)
 
     @cached_property
     def Q(self) -> Array:
-        """Matrix E ψψᵀ (p, p), computed from the torque `reference`."""
+        """Gradient covariance E ψψᵀ for the torque `reference`, as a matrix (p, p)."""
         return self.gradient_power(self.reference)
 
     def adaptation(self, method: Method) -> ByName:
@@ -161,12 +161,12 @@ class Evidence:
         return {"drift": drift_for(method, self.Q, period=self.period)}
 
     def steady_P(self, method: Method) -> Array:
-        """Return the steady-state matrix P (p, p) of a method, based on equation (29) or (30)."""
+        """Return the steady-state matrix P of a method according to equation (29) or (30)."""
         return steady_P(self.Q, **self.adaptation(method))
 
     @cache  # noqa: B019
     def recipe(self, method: Method) -> Array:
-        """Return the diagonal (p,) of P(0) according to section 5.2 of the paper."""
+        """Return the diagonal of the initial matrix P(0) according to section 5.2 of the paper."""
         return priors.nominal_P(
             self.axis, self.reference, identify=self.names, period=self.period,
             **self.adaptation(method),
@@ -244,5 +244,5 @@ class Evidence:
 
 
 def signals(record: Record) -> Any:
-    """Return the torque (N,) [N m] and the measured speed (N,) [rad/s] of a record."""
+    """Return the torque [N m] and the measured speed [rad/s] of a record."""
     return record.torque, record.speed

@@ -58,7 +58,7 @@ def decibels(response: Any) -> Any:
 
 
 def std(runs: Runs) -> Array:
-    """Return the relative standard deviation of each parameter estimate (p,).
+    """Return the relative standard deviation of each parameter estimate.
 
     The function computes the variance across all runs at each time, and averages this variance over
     the last 10 s. The variance of a single run over time would be too small for slow estimates,
@@ -143,7 +143,11 @@ class Measures(Evidence):
         return np.diag(self.Q)
 
     def power_over_spectrum(self) -> Array:
-        """Return the worst ratio of the mean of ψ² to the integral of |G_θ|² Φ_u over all runs."""
+        """Return the ratio of the gradient power in the time domain to the frequency domain.
+
+        The gradient power is the mean of ψ² in the time domain, and the integral of |G_θ|² Φ_u in
+        the frequency domain. The returned ratio is from the run with the largest deviation.
+        """
         ratios = []
         for record in self.records("nominal"):
             power = self.gradient_power(record.torque)
@@ -179,7 +183,7 @@ class Measures(Evidence):
         return {"difference": difference, "warnings": len((*near.warnings, *other.warnings))}
 
     def far_starts(self) -> ByName:
-        """Return the residual correlation for each search with initial values far from nominal.
+        """Return the residual correlation after each search that starts far from nominal values.
 
         If the search does not warn of a local minimum, the function returns 0 instead.
         """
@@ -227,7 +231,7 @@ class Measures(Evidence):
         errors : iterable of ndarray (S, n)
             Estimation errors of each parameter in S runs at n samples.
         level : float
-            Limit of the absolute value of the median error.
+            Upper limit for the absolute value of the median error.
         """
         medians = [np.median(error, axis=0) for error in errors]
         return np.array([settling(error, level, self.period) for error in medians], float)
@@ -270,11 +274,11 @@ class Measures(Evidence):
         return self.mean_P(method) / np.diag(self.steady_P(method))
 
     def claimed(self, P: Array) -> Array:
-        """Return the relative standard deviations of the estimates according to √(σ² P/2)."""
+        """Return the theoretical standard deviations √(σ² P/2), divided by nominal values."""
         return np.sqrt(np.diag(estimate_covariance(P, self.scenario.noise.speed**2))) / self.theta
 
     def std_over_claim(self, method: str) -> Array:
-        """Return the measured standard deviations divided by √(σ² P/2) for the mean of P."""
+        """Return the measured standard deviations, divided by the theoretical values √(σ² P/2)."""
         return std(self.runs(method)) / self.claimed(np.diag(self.mean_P(method)))
 
     def peaks_over_bounds(self, method: str) -> ByName:

@@ -33,7 +33,9 @@ def seed_of(seed: Any) -> int:
 
 
 def seeds_of(seeds: Any, default: int = 8) -> tuple[int, ...]:
-    """Return the seeds, given a number N (1000 … 1000+N−1), a range "A:B" (A … B−1), or a list.
+    """Return the seeds, which are given as a number, a range or a list.
+
+    A number N means the seeds 1000 to 1000 + N - 1. A range "A:B" means the seeds A to B - 1.
 
     Raises
     ------
@@ -100,7 +102,7 @@ Axes = Annotated[dict[str, Annotated[list[Any], Field(min_length=1)]], BeforeVal
 
 
 class StudyFile(Config):
-    """Keys of a study file, which the page docs/studies.md explains."""
+    """The keys of a study file; the page docs/studies.md explains these keys."""
 
     name: Word = "study"
     scenario: Annotated[

@@ -158,8 +158,8 @@ class _Drive:
         Disturbance torque during the next sample [N m]. The disturbance is added to the torque
         commands, but not to the logged torque.
     feed : callable or None
-        Function that takes the torque command (R,) of the feedback controller [N m] and returns the
-        torque command with the feed-forward [N m].
+        Function that takes the torque command of the feedback controller and returns the torque
+        command including the feed-forward [N m].
     """
 
     def __init__(self, scenario: Scenario, runs: int) -> None:
@@ -175,10 +175,10 @@ class _Drive:
         self.plant = plant_of(scenario, runs, self._ticks)
 
     def advance(self, target: Array, next_target: Array, angle: Array) -> Array:
-        """Simulate one sample, and return the logged torque (R,) [N m].
+        """Simulate one sample, and return the logged torque of each run [N m].
 
-        The argument `angle` (R,) is the motor angle that the controller reads at the start of the
-        sample [rad].
+        The argument `angle` contains the motor angle of each run that the controller reads at the
+        start of the sample [rad].
         """
         commands = []
         for tick in range(self._ticks):

@@ -34,7 +34,7 @@ def quiet() -> Iterator[None]:
     """Prevent MuJoCo from printing warnings or writing warnings to a file in the user's folder.
 
     MuJoCo still counts its warnings, and `Plant.step` raises an error if there is a warning. The
-    context affects all MuJoCo simulations of the process.
+    context manager affects all MuJoCo simulations of the process.
     """
     before, silent = mujoco.MjLogConfig.get(), mujoco.MjLogConfig.get()
     silent.logto_console = silent.logto_file = False
@@ -68,7 +68,7 @@ class Plant:
     ----------
     angles, speeds : ndarray (R, n)
         Current angles and speeds of the n masses [rad, rad/s]. Both arrays are views of the
-        engine's state, so each call of `step` changes their values.
+        simulated state in MuJoCo, so each call of `step` changes their values.
     angle_m, speed_m : ndarray (R,)
         Current angle and speed of the motor [rad, rad/s]. The arrays are views of the motor's
         columns in `angles` and `speeds`.
@@ -238,7 +238,7 @@ class _LawInEngine:
         self._places = {at: _place(batch, model, at) for at in law.kept(self.values)}
 
     def set(self, name: str, values: float | Array) -> None:
-        """Set a parameter to one value for all runs, or to a separate value for each run (R,)."""
+        """Set a parameter to one value for all runs, or to a separate value for each run."""
         self.values[name] = values
         for place, value in self._kept(self.values).items():
             self._places[place][...] = value

@@ -68,12 +68,12 @@ class ControllerConfig(Config):
         return self.rate is None
 
     def logged(self, commands: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
-        """Return the logged torque [N m] (R,), given all torque commands during a sample [N m]."""
+        """Return the logged torque [N m], given all torque commands during a sample [N m]."""
         inner = self.rate is not None and self.log != "sample"
         return np.asarray(np.mean(commands, axis=0)) if inner else commands[0]
 
     def in_words(self) -> str:
-        """Return a short description of the inner control loop or the feed-forward."""
+        """Return a short description of the inner control loop or of the feed-forward."""
         if self.adapt:
             return "loop with feed-forward"
         if self.rate is None:

@@ -43,7 +43,7 @@ class Event:
 
 
 def changed(nominal: float, name: str, changes: Iterable[Fault], grid: Grid) -> Array:
-    """Return the value of a parameter at each sample, as an array (N,).
+    """Return the value of the parameter `name` at each sample, as an array (N,).
 
     The value is the product of the nominal value and the factors of all changes in `changes` that
     affect the parameter `name`. The function ignores changes of other parameters.

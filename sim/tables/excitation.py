@@ -76,7 +76,7 @@ class Multisine(Config):
         if self.high * period >= 0.5:
             yield "high", f"the frequency must be below half the sampling rate, {0.5 / period:g} Hz"
         if abs(self.period / period - sample_index(self.period, period)) > 1e-6:
-            yield "period", f"the period must be a multiple of a sample, {1000 * period:g} ms"
+            yield "period", f"the period must be a multiple of one sample ({1000 * period:g} ms)"
 
     def one_period(self, rng: np.random.Generator, period: float) -> Array:
         """Return one period of the multisine [rad], sampled every `period` seconds."""
@@ -87,7 +87,7 @@ class Multisine(Config):
         return signal * (self.rms / np.sqrt(np.mean(signal**2)))
 
     def reference(self, grid: Grid, rng: np.random.Generator) -> Array:
-        """Return the reference at each sample [rad]; a pause at the start of a run is at zero."""
+        """Return the reference at each sample [rad]; before the first motion, its value is 0."""
         signal = self.one_period(rng, grid.period)
         clock = np.cumsum(self.excited(grid)) - 1
         return np.where(clock < 0, 0.0, signal[clock % signal.size])

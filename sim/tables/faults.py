@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 def changeable(names: Iterable[str]) -> tuple[str, ...]:
     """Return the names of the parameters that can change during a run.
 
-    These parameters are all axis parameters in `names` except the gear ratio r, and all nonlinear
+    All axis parameters in `names` except the gear ratio r can change, and so can all nonlinear
     parameters.
     """
     return (*(name for name in names if name != "r"), *LAW_NAMES)

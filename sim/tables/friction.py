@@ -109,7 +109,7 @@ class LuGreConfig(Nonlinearity):
     coulomb, static : float
         Coulomb torque F_c at high speed and breakaway torque F_s [N m].
     stribeck : float
-        Stribeck speed v_s, which determines the transition from F_s to F_c [rad/s].
+        Stribeck speed v_s, around which the friction torque decreases from F_s to F_c [rad/s].
     """
 
     substeps: ClassVar[int] = 10  # bristles are integrated to first order; the error is 7e-4
@@ -175,8 +175,8 @@ class StaticFrictionConfig(_CompiledLaw):
     alpha : float
         Inverse speed α [s/rad]. Above the speed 1/α, the additional friction torque decays.
     beta : float
-        Inverse speed β [s/rad]. From standstill to about the speed 1/β, the friction torque builds
-        up.
+        Inverse speed β [s/rad]. The friction torque builds up between standstill and about the
+        speed 1/β.
     """
 
     parameters: ClassVar[tuple[str, ...]] = ("f_c", "f_s", "alpha", "beta")
@@ -246,8 +246,8 @@ class GearFrictionConfig(_CompiledLaw):
     Attributes
     ----------
     f_c, f_s : float
-        Coulomb torque at high speed, and additional friction torque at low speed [N m]. Both values
-        apply to a drive without load.
+        Coulomb torque at high speed, and additional friction torque at low speed [N m]. The values
+        of both torques apply to a drive without load.
     motor, external : float
         Coefficients of the friction at all speeds: μ_m of the motor torque, and μ_e
         of the gear torque.
@@ -293,4 +293,4 @@ COMPILED_LAWS: tuple[Any, ...] = (
     LoadFrictionConfig,
     GearFrictionConfig,
 )
-"""Classes of all compiled friction laws; a row of friction parameters contains the class index."""
+"""Classes of all compiled friction laws; each row of friction parameters contains a class index."""

@@ -63,7 +63,7 @@ class Nonlinearity(Config):
 def substeps(features: Iterable[Nonlinearity], period: float, *, least: int = 1) -> int:
     """Return the number of simulation steps that all nonlinear effects require per period.
 
-    The argument `least` is a lower limit for the number of simulation steps per 5 ms.
+    The result is at least `least` simulation steps per 5 ms, converted to the given period.
 
     Examples
     --------
@@ -179,7 +179,7 @@ def passive(spec: Any, name: str, **law: list[float]) -> None:
     """Add a DC motor without input to the motor joint, to model LuGre friction or cogging.
 
     The DC motor of MuJoCo implements LuGre friction and cogging. The keyword arguments are the
-    MuJoCo parameters of LuGre friction or cogging.
+    parameters of LuGre friction or cogging in MuJoCo.
     """
     motor = spec.add_actuator(name=name, target="motor")
     motor.trntype = spec.actuator("motor").trntype

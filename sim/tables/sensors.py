@@ -1,10 +1,10 @@
 """Define the sensor tables: delay, noise, encoder and filter.
 
-The method `stage` of a sensor table returns a function that processes a signal. The attribute
-`exact` states whether the linear model still describes the processed signal. A signal passes
-through all sensors in the order of the keys in `Scenario`. The log contains the output of the last
-sensor. If `Scenario.feedback` is "measured", the controller reads the output of the last sensor.
-Otherwise the controller reads the true motor angle.
+The method `stage` of a sensor table returns a function that processes a measured signal. The
+attribute `exact` states whether the linear model still describes the processed signal. A signal
+passes through all sensors in the order of the keys in `Scenario`. The log contains the output of
+the last sensor. If `Scenario.feedback` is "measured", the controller reads the output of the last
+sensor. Otherwise the controller reads the true motor angle.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Sensor(Protocol):
     def stage(self, signal: Signal, white: White, period: float) -> Stage:
         """Return a function that processes successive samples of a measured signal.
 
-        The signal is assumed to be 0 before the start of the run.
+        Before the start of the run, the signal is assumed to be 0.
         """
 
 
@@ -172,7 +172,7 @@ class DelayConfig(Config):
     @classmethod
     def _whole_ticks(cls, torque: float | None) -> float | None:
         if torque and abs(torque / TICK - round(torque / TICK)) > 1e-6:
-            raise ValueError(f"the delay must be a multiple of {TICK:g} s, not {torque:g}")
+            raise ValueError(f"the torque delay must be a multiple of {TICK:g} s, not {torque:g}")
         return torque
 
     @property

@@ -87,26 +87,26 @@ CASES = [
     (FAULT.replace("step", "profile") + "points = [[1, 0.5], [1, 1]]",
      "fault[0].points: corner times must increase; 1 s follows 1 s; for", ""),
     (FAULT.replace("step", "profile") + "points = [[0.001, 0.5], [1, 1]]",
-     "fault[0].points[0]: a point must be at least one sample (0.005 s) after the previous", ""),
+     "fault[0].points[0]: a corner must be at least one sample (0.005 s) after the previous", ""),
     ("excitation = { kind = 'multisine', low = 40 }",
      "excitation: no multiple of 1/period = 0.1 Hz lies between low = 40 Hz and", ""),
     ("excitation = { kind = 'multisine', high = 100 }",
      "excitation.high: the frequency must be below half the sampling rate, 100 Hz", ""),
     ("excitation = { kind = 'multisine', period = 3.333 }",
-     "excitation.period: the period must be a multiple of a sample, 5 ms", ""),
+     "excitation.period: the period must be a multiple of one sample (5 ms)", ""),
     ("excitation = { kind = 'multisine', pause = [[5, 4]] }",
      "excitation.pause: each pause must end after its start", ""),
     ("excitation = { kind = 'multisine', pause = [[25, 30]] }",
      "excitation.pause[0]: the pause from 25 s begins after the end of the run", ""),
-    ("period = 0.02", "period: the period must be from 0.001 to 0.01 s, not 0.02", ""),
-    ("period = 0.003", "period: one second must be a multiple of the period: use "
+    ("period = 0.02", "period: the sampling period must be from 0.001 to 0.01 s, not 0.02", ""),
+    ("period = 0.003", "period: one second must be a multiple of the sampling period: use "
      "0.003003 s (333 Hz), not 0.003", ""),
     ("period = 0.0025\ndelay.torque = 0.001", "delay.torque: the sampling period must be a "
      "multiple of 1 ms, not 2.5 ms", ""),
     ("period = 0.01\ncontroller.Kv = 0.5", "controller.Kv: the control loop with the "
      "nominal axis is unstable for Kv = 0.5 and a sampling period of 10",
      "Lower controller.Kv, or check controller.Kp, controller.Ki and the delays"),
-    ("delay.torque = 0.0015", "delay.torque: the delay must be a multiple of 0.001 s, not", ""),
+    ("delay.torque = 0.0015", "delay.torque: the torque delay must be a multiple of 0.001 s", ""),
     ("controller.log = 'mean'", "controller.log: `log` needs an inner control loop: set ", ""),
     ("feedback = 'measured'\ncontroller.rate = 1000", "controller.rate: an inner loop reads the "
      "true angle", ""),
@@ -136,7 +136,7 @@ CASES = [
        "become infinite", "") for fault in TO_ZERO),
     (f"identify = ['1/f_m']\n{TO_ZERO[0]}".replace("[[fault", "[[nuisance"),
      "nuisance[0].factor: a factor of 0 is not allowed, because 1/f_m is estimated", ""),
-    ("streams = 'planet'", 'streams: the value must be "plant", "content", or the `key` of a',
+    ("streams = 'planet'", 'streams: `streams` must be "plant", "content", or the `key` of a',
      " (64 hex digits), not 'planet'"),
     ("difficulty = 'easi'", "difficulty: must be 'easy', 'medium' or 'hard', not 'easi'", ""),
 ]  # fmt: skip
