@@ -39,7 +39,7 @@ Streams = Annotated[str, AfterValidator(_a_key)]
 
 
 def content_hash(resolved: Mapping[str, Any]) -> str:
-    """Return the SHA-256 (64 hex digits) of a scenario without its name and description.
+    """Return the SHA-256 of a scenario without its name and description (64 hex digits).
 
     Old scenarios do not have the keys `streams`, `period` and `model`. Therefore the hash excludes
     these keys if `streams` is "content", `period` is 5 ms and `model` is "three_mass",
@@ -62,7 +62,7 @@ def stream_key(resolved: Mapping[str, Any]) -> str:
 
 
 def record_hash(resolved: Mapping[str, Any]) -> str:
-    """Return the SHA-256 (64 hex digits) of everything that determines a record, except the seed.
+    """Return the SHA-256 of all settings that determine a record, except the seed (64 hex digits).
 
     Keys that concern only estimation and scoring do not affect the record hash. The record hash
     also depends on the key that identifies the random numbers.

@@ -74,7 +74,7 @@ def serve(
         signal.signal(kind, stop)
     with suppress(KeyboardInterrupt):
         address = f"http://{HOST}:{server.get_port()}"
-        print(f"the live axis is at {address}  (Ctrl-C stops the server)", flush=True)
+        print(f"the live demo is at {address}  (Ctrl-C stops the server)", flush=True)
         page = Page(server, session, plan["act"])
         page.advance(sample_index(WARM, PERIOD))
         page.draw_curves()

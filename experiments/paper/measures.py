@@ -219,7 +219,10 @@ class Measures(Evidence):
         return {name: np.abs(decibels(result[name] / result["axis"])).max() for name in names}
 
     def final_error(self, percentile: float) -> Array:
-        """Return a percentile of each parameter's final error in all runs with forgetting [%]."""
+        """Return a percentile of the final error of each parameter with forgetting [%].
+
+        The percentile is computed over all runs.
+        """
         errors = np.abs(self.runs("forgetting").theta[:, -1] - 1)
         return 100 * np.percentile(errors, percentile, axis=0)
 

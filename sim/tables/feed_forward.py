@@ -38,14 +38,14 @@ class AdaptConfig(Config):
     smooth : float
         Speed v₀ [rad/s]. Below v₀, a smooth function replaces the sign of the desired speed.
     limit : float
-        Largest allowed ratio of an estimate to its nominal value, or of the nominal value to the
-        estimate, for all parameters except the torque constant. The feed-forward limits estimates
-        to this range. If the nominal value of a parameter is 0, the feed-forward ignores the
-        estimate of the parameter.
+        Largest factor between an estimate and the nominal parameter value, upwards or downwards,
+        for all parameters except the torque constant. The feed-forward clips each estimate that
+        differs by a larger factor. If the nominal value of a parameter is 0, the feed-forward
+        ignores the estimate of the parameter.
     gain : float
-        Largest allowed ratio of the estimated to the nominal torque constant, or of the nominal to
-        the estimated torque constant. The estimated torque constant scales the loop gain, so `gain`
-        must be smaller than the gain margin of the control loop.
+        Largest factor between the estimated and the nominal torque constant, upwards or downwards.
+        The estimated torque constant scales the loop gain, so `gain` must be smaller than the gain
+        margin of the control loop.
     """
 
     friction: bool = True

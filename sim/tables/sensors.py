@@ -66,8 +66,8 @@ def reading(sensors: Iterable[Sensor], signal: Signal, white: White, *, period: 
     -------
     callable
         Function that takes the next n samples of the true signal, as an array (n, R), and returns
-        the measured samples. It does not affect the bits of the measured samples whether the
-        function processes a whole run at once or sample by sample.
+        the measured samples. The measured samples are bitwise the same whether the function
+        processes a whole run at once or sample by sample.
     """
     stages = [sensor.stage(signal, white, period) for sensor in sensors]
     return lambda values: reduce(lambda passed, stage: stage(passed), stages, values)
