@@ -45,5 +45,5 @@ for day in range(DAYS):
 # determine them.
 law = replace(three_mass(nominal), laws=(STATIC,))
 sheet = {name: v * (1 + rng.uniform(-0.05, 0.05)) for name, v in law.nominal.items()}
-axis = Axis(law, {"model": "three_mass"}, known=True)
+axis = Axis(model=law, tables={"model": "three_mass"}, known=True)
 axis.having(sheet | {"k_T": 1.0, "r": 1.0}).save(folder / "axis.toml")

@@ -40,7 +40,8 @@ for day in range(24):
     log["temp"] = np.round(25 + kelvin + rng.normal(0, 0.1, len(log)), 1)
     log.to_csv(f"days/{date(2026, 1, 1) + timedelta(days=day)}.csv", index=False)
 
-axis = Axis(replace(three_mass(nominal), laws=(STATIC,)), {"model": "three_mass"}, known=True)
+model = replace(three_mass(nominal), laws=(STATIC,))
+axis = Axis(model=model, tables={"model": "three_mass"}, known=True)
 off = {name: value * (1 + rng.uniform(-0.05, 0.05)) for name, value in axis.model.nominal.items()}
 axis.having(off | {"k_T": 1.0, "r": 1.0}).save(Path("days/axis.toml"))
 

@@ -5,7 +5,7 @@ Each function returns a `LogResult` object, which contains a table, sentences an
 
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -17,8 +17,8 @@ from flexaxis.experiments.logs import importing, pages
 from flexaxis.experiments.logs import track as tracking
 from flexaxis.experiments.logs.axis_file import find_axis
 from flexaxis.experiments.logs.findings import MARKS, texts_of
+from flexaxis.experiments.logs.identify import find_logs, identify_many
 from flexaxis.experiments.logs.identify import identify as fitted
-from flexaxis.experiments.logs.many import find_logs, identify_many
 from flexaxis.experiments.logs.verdict import validate as validated
 from flexaxis.experiments.running.estimators import parse
 
@@ -166,7 +166,8 @@ def identify(
     axis, start, fix = _axis(model), start or {}, fix or {}
     values = {name: value for name, value in {**start, **fix}.items() if value is not None}
     laws = {name: values.pop(name) for name in {*values} - {*axis.model.parameters}}
-    axis = replace(axis.having(values), known=axis.known or bool(values.keys() & start.keys()))
+    known = axis.known or bool(values.keys() & start.keys())
+    axis = axis.having(values).model_copy(update={"known": known})
     if isinstance(log, str | Path) and Path(log).is_dir():
         many = identify_many(
             find_logs(Path(log)), axis, columns or {}, covariates=covariates,

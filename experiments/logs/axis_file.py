@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, InstanceOf
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.models.axes import MODELS, model_from_tables
@@ -20,14 +20,11 @@ from flexaxis.sim.errors import did_you_mean
 from flexaxis.sim.files import read_toml, toml_text
 from flexaxis.sim.record import Record
 
-Array = NDArray[np.float64]
-
 _MODEL = ("model", "name", "states", "A", "B", "C")
 SAME_RATE = 0.01  # maximum relative difference between two sampling rates that count as equal
 
 
-@dataclass(frozen=True)
-class Axis:
+class Axis(BaseModel):
     """The model of an axis, and the results of its identification from a log.
 
     Attributes
@@ -40,40 +37,37 @@ class Axis:
         True if the nominal values are given or identified, False if they are a rough guess.
     delay : float
         Delay of the torque [s].
-    whitening : tuple of float
-        Coefficients of the filter that makes the residuals white. The default (1,) is no filter.
+    offset : float
+        Constant additional torque, in the unit of the logged torque.
     noise : float or None
         Standard deviation of the whitened residuals [rad/s], or None if it is unknown.
     error : float or None
         Rms simulation error in held-out pieces of the log [rad/s], or None if it is unknown.
-    offset : float
-        Constant additional torque, in the unit of the logged torque.
     rate : float or None
         Sampling rate [Hz] of the log from which the axis was identified, or None if it is unknown.
         The whitening filter and the noise are valid only for this rate.
-    deviation : mapping of str to float
+    whitening : tuple of float
+        Coefficients of the filter that makes the residuals white. The default (1,) is no filter.
+    deviation : dict of str to float
         Known standard deviations of nominal values.
-    beside : mapping of str to float
+    beside : dict of str to float
         Gains of the gravity torque, in the unit of the logged torque. The gain `g_sin` multiplies
         −sin φ and the gain `g_cos` multiplies −cos φ, where φ is the load angle.
     """
 
-    model: Model
-    tables: Mapping[str, Any]
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+    model: InstanceOf[Model]
+    tables: dict[str, Any]
     known: bool
     delay: float = 0.0
-    whitening: tuple[float, ...] = (1.0,)
+    offset: float = 0.0
     noise: float | None = None
     error: float | None = None
-    offset: float = 0.0
     rate: float | None = None
-    deviation: Mapping[str, float] = field(default_factory=dict)
-    beside: Mapping[str, float] = field(default_factory=dict)
-
-    @property
-    def usual(self) -> float | None:
-        """Expected simulation error [rad/s]: `error` if it is known, else `noise`."""
-        return self.noise if self.error is None else self.error
+    whitening: tuple[float, ...] = Field((1.0,), strict=False)
+    deviation: dict[str, float] = {}
+    beside: dict[Literal["g_sin", "g_cos"], float] = {}
 
     def having(self, values: Mapping[str, float]) -> Axis:
         """Return a copy of the axis with some nominal values replaced."""
@@ -85,7 +79,7 @@ class Axis:
                     f"{', '.join(self.model.parameters)}"
                 )
         nominal = dict(self.model.nominal) | dict(values)
-        return replace(self, model=replace(self.model, nominal=nominal))
+        return self.model_copy(update={"model": replace(self.model, nominal=nominal)})
 
     def check_rate(self, period: float) -> None:
         """Reject a log whose sampling rate differs from the rate of the noise filter.
@@ -109,10 +103,8 @@ class Axis:
 
     def save(self, path: Path) -> None:
         """Write the axis to a TOML file."""
-        content = dict(self.tables) | {"nominal": dict(self.model.nominal)}
-        for key, usual in _Keys():
-            if (value := getattr(self, key)) != usual:
-                content[key] = value
+        content = self.tables | {"nominal": dict(self.model.nominal)}
+        content |= self.model_dump(exclude={"model", "tables", "known"}, exclude_defaults=True)
         if self.model.laws:
             parts = ("drive", "acts", "parameters")
             content["law"] = [
@@ -132,7 +124,8 @@ def find_axis(text: str) -> Axis:
     """
     if text in MODELS:
         shipped = MODELS[text]
-        return Axis(shipped.factory(shipped.rough), {"model": text}, known=False)
+        model = shipped.factory(shipped.rough)
+        return Axis(model=model, tables={"model": text}, known=False)
     path = Path(text)
     if path.suffix != ".toml":
         raise LogError(
@@ -142,26 +135,11 @@ def find_axis(text: str) -> Axis:
     tables = read_toml(path, LogError)
     kept = {key: tables[key] for key in (*_MODEL, "law") if key in tables}
     own = {key: tables[key] for key in tables if key not in {*kept, "nominal"}}
-    keys = vars(checked(_Keys, own, path))
     try:
-        return Axis(model_from_tables(tables), kept, known=True, **keys)
+        given = {"model": model_from_tables(tables), "tables": kept, "known": True}
     except EstimatorError as error:
         raise LogError(f"{path}: {error}") from error
-
-
-class _Keys(BaseModel):
-    """The keys of an axis file that do not define the model."""
-
-    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
-
-    delay: float = 0.0
-    offset: float = 0.0
-    noise: float | None = None
-    error: float | None = None
-    rate: float | None = None
-    whitening: tuple[float, ...] = Field((1.0,), strict=False)
-    deviation: dict[str, float] = {}
-    beside: dict[Literal["g_sin", "g_cos"], float] = {}
+    return checked(Axis, own | given, path)
 
 
 def valid_of(record: Record) -> NDArray[np.bool_]:

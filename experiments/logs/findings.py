@@ -13,7 +13,7 @@ from flexaxis.sim.errors import FlexaxisError
 
 Kind = Literal["problem", "note", "info", "ok"]
 MARKS: dict[Kind, str] = {"problem": "✗", "note": "!", "info": "·", "ok": "✓"}
-"""The mark of each kind of finding, the most severe first."""
+"""Symbol of each kind of finding, in order of decreasing severity."""
 
 
 class LogError(FlexaxisError):
@@ -59,7 +59,7 @@ class Finding:
 
     @property
     def sentence(self) -> str:
-        """The text, preceded by the name of the check and followed by the option to type."""
+        """Name of the check, text of the finding, and the command-line option to type."""
         name = f"{self.name}: " if self.name else ""
         return f"{name}{self.text}" + (f". Type: {self.command}" if self.command else "")
 

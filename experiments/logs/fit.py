@@ -1,25 +1,29 @@
 """Fit candidate models without held-out samples, and fit the best model to the whole log.
 
-The fit of a candidate minimises the simulation error. If the remaining error is only noise, the
-model is adequate. The final fit then minimises whitened prediction errors, because these estimates
-have the smallest variance. If the remaining error is larger than the noise, a noise model would
-hide the deficiencies of the model. The final fit then also minimises the simulation error.
+The fit of a candidate minimises the simulation error. If the simulation error is only noise, the
+model is adequate. The final fit of an adequate model minimises whitened prediction errors, because
+the resulting estimates have the smallest variance. If the simulation error is larger than the
+noise, a noise model would hide the deficiencies of the axis model. The final fit of such a model
+minimises the simulation error.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
-from flexaxis.estimators.offline.prediction_error import ROUNDS, Fitted, jackknife, pieces
-from flexaxis.experiments.logs.setup import Setup
-from flexaxis.experiments.logs.signals import noise_of
+from flexaxis.estimators.models.model import Model
+from flexaxis.estimators.offline.prediction_error import ROUNDS, Fitted, Problem, jackknife, pieces
+from flexaxis.estimators.offline.trajectory import Trajectory
+from flexaxis.estimators.signals import SIGNALS
+from flexaxis.experiments.logs.signals import CLEAR, Log, gaps_of, liveliest, noise_of
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -29,24 +33,178 @@ PARTS = 10  # number of parts of a held-out piece in which errors are compared
 AGAIN = 0.2  # fraction of a stretch after a gap that is fitted to determine the initial state
 BEYOND_CHANCE = 2.0  # minimum difference of errors, in standard deviations
 LEAST_GAIN = 0.01  # minimum relative decrease of the simulation error that is relevant
-SURE = 3.0  # minimum distance of a significant parameter from 0, in standard deviations
 RIGHT = 1.1  # maximum ratio of simulation error to noise for an adequate model
 NOTHING = 1e-3  # largest simulation error that is negligible, as a fraction of the motion
 EXACT = 1e-9  # relative error of the arithmetic, and of the printed digits of a log
 STEPS = 1e-3  # relative error of a friction law that is solved in steps (0.24 % at 50 Hz)
 SEARCHING: Mapping[str, Any] = {"most": 12, "near": 0.5}  # options of a fit with low accuracy
+LATEST = 0.01, 4  # maximum delay in s and in samples; the greater of the two applies
+EARLIEST = -2.0  # minimum delay of a smooth torque [samples]
+SETTLING = 4  # number of steps in which the initial states of stretches are fitted
+UNKNOWN, ROOM = 30, 2e7  # maximum number of unknown states after gaps, and of their derivatives
+
+
+@dataclass(frozen=True)
+class Setup:
+    """A log, a model of the axis, and the options for fitting the model to the log.
+
+    Attributes
+    ----------
+    log : Log
+        Signals to which the model is fitted.
+    model : Model
+        Model of the axis. The nominal values of the model are the initial values of the fit.
+    names : tuple of str
+        Names of the parameters that the fit estimates.
+    delay : float
+        Delay of the torque [s]: the known value, or the initial value of the fit.
+    timed : bool
+        Whether the torque delay is known.
+    box : mapping of str to (float, float)
+        Lower and upper bounds of parameters. Parameters without an entry have no bounds.
+    beside : mapping of str to ndarray (N,)
+        Additional torques. The fit estimates a gain for each additional torque.
+    early : float
+        Number of samples by which a held torque may act before it is logged.
+    """
+
+    log: Log
+    model: Model
+    names: tuple[str, ...]
+    delay: float = 0.0
+    timed: bool = True
+    box: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    beside: Mapping[str, Array] = field(default_factory=dict)
+    early: float = 0.0
+
+    @cached_property
+    def begins(self) -> list[int]:
+        """Indices of the samples at which segments with an unknown initial state begin.
+
+        Segments begin at the start of the log and after the longest gaps. The torque in a gap is
+        unknown, so the state after the gap is also unknown. In shorter gaps, the torque is
+        interpolated linearly.
+        """
+        ok, N = self.log.ok, len(self.log.ok)
+        # if the log does not begin at rest, the first stretch begins at the first usable sample
+        first = 0 if self.log.resting else int(np.argmax(ok))
+        gaps = [(begin, end) for begin, end in gaps_of(ok).tolist() if begin and end < N]
+        most = int(min(UNKNOWN, ROOM // N)) // len(self.model.states)
+        longest = sorted(gaps, key=lambda gap: gap[0] - gap[1])[:most]
+        ends = sorted(end + self._later for _, end in longest)
+        return [first, *(end for end in ends if end < N)]
+
+    @property
+    def _later(self) -> int:
+        """Number of samples after a gap in which the unknown torque of the gap may still act."""
+        latest = max(self.delay, 0.0) if self.timed else self.latest
+        return int(np.ceil(latest / self.log.period - 1e-9)) + self.log.smooth
+
+    @cached_property
+    def ok(self) -> Flags:
+        """Flags (N,) of the samples that are fitted.
+
+        The first sample of each segment is excluded. Because of the torque delay, the unknown
+        torque in a gap also acts after the gap. The samples in this time are excluded as well.
+        """
+        ok = self.log.ok.copy()
+        for begin in self.begins[1:]:
+            ok[begin - self._later : begin] = False
+        ok[self.begins] = False
+        return ok
+
+    @property
+    def earliest(self) -> float:
+        """Minimum torque delay in the search [s]."""
+        return (EARLIEST if self.log.smooth else 0.0 - self.early) * self.log.period
+
+    @property
+    def latest(self) -> float:
+        """Maximum torque delay in the search [s]."""
+        return max(LATEST[0], LATEST[1] * self.log.period)
+
+    def problem(self, without: Flags | None = None) -> Problem:
+        """Return the least-squares problem of the fit, without the samples flagged in `without`."""
+        log, begins, n = self.log, tuple(self.begins), len(self.model.states)
+        model = SIGNALS[log.output].predicted(self.model, log.period).parametrize(self.names)
+        beside = np.array([*self.beside.values()]).reshape(-1, len(log.u))
+        along = Trajectory(model, log.u, log.period, log.smooth, begins, beside)
+        held = np.zeros(along.q, bool)
+        held[-1] = self.timed
+        for state in along.states:  # initial states of laws are unknown, and have no lasting effect
+            held[state.start + n : state.stop] = True
+        if log.resting:
+            held[along.states[0]] = True
+        states, first, upper = slice(along.first, -2), self._first(along), np.full(along.q, np.inf)
+        lower = -upper
+        for i, name in enumerate(self.names):
+            lower[i], upper[i] = self.box.get(name, (-np.inf, np.inf))
+        # dry friction depends on the sign of the speed; a fit could not change a wrong sign
+        lower[states], upper[states] = (
+            np.where(first > 0, 0, -np.inf),
+            np.where(first < 0, 0, np.inf),
+        )
+        lower[-1], upper[-1] = min(self.earliest, self.delay), self.latest
+        ok = self.ok if without is None else self.ok & ~without
+        return Problem(along, log.y, ok, lower, upper, held)
+
+    def _first(self, along: Trajectory) -> Array:
+        """Return a guess of the initial states of all segments.
+
+        The motor speed starts at the measured speed, or at 0 if the measured speed is only noise.
+        All other states start at 0. If the log begins at rest, all states start at 0.
+        """
+        log, moved = self.log, np.zeros(len(along.free))
+        moved[: len(self.model.C)] = [entry == "1" for entry in self.model.C]
+        speed = log.y[np.add(along.begins, 1)]
+        clear = abs(speed) > CLEAR * noise_of(log.y[log.ok])
+        clear[0] &= not log.resting
+        return np.outer(speed * clear, moved).ravel()
+
+    def solve(
+        self, z: Array | None = None, *, without: Flags | None = None, **options: Any
+    ) -> Fitted:
+        """Fit the model, starting at the values `z` of the unknowns (default: nominal values).
+
+        The samples flagged in `without` are not fitted. The `options` are passed to `Problem.fit`.
+        """
+        problem = self.problem(without)
+        return problem.fit(self.begun(problem).z if z is None else z, **options)
+
+    def begun(self, problem: Problem, offset: float = 0.0) -> Fitted:
+        """Fit all unknowns except the parameters and the delay, assuming white noise."""
+        along, held = problem.trajectory, problem.held.copy()
+        held[: along.p] = held[-1] = True
+        rest, gains = replace(problem, held=held), np.zeros(len(self.beside))
+        z = np.r_[along.model.theta, gains, self._first(along), offset, self.delay]
+        return rest.descend(rest.at(z, np.ones(1)), SETTLING)[0]
+
+    def having(self, values: Mapping[str, float]) -> Setup:
+        """Return a copy of the setup with other nominal values of the identified parameters."""
+        new = {name: value for name, value in values.items() if name in self.names}
+        nominal = dict(self.model.nominal) | new
+        return replace(self, model=replace(self.model, nominal=nominal))
+
+    def part(self, most: int) -> Setup:
+        """Return the setup for the part of the log with the greatest torque (`most` samples)."""
+        log = self.log
+        piece = liveliest(np.where(log.ok, log.u, 0.0), most)
+        sides = {name: getattr(log, name)[piece] for name in ("u", "y", "ok", "angle")}
+        log = replace(log, **sides, resting=log.resting and piece.start == 0)
+        beside = {name: values[piece] for name, values in self.beside.items()}
+        return replace(self, log=log, beside=beside)
 
 
 @dataclass(frozen=True)
 class Fit:
-    """A model that is fitted to a log, and the simulation of this log from the torque alone.
+    """A fit of a model to a log, with the simulation of the log from the torque alone.
 
     Attributes
     ----------
     setup : Setup
-        Model and log.
+        Log, and the model that is fitted to the log.
     fitted : Fitted
-        Estimates of the unknowns, and the simulation error.
+        Estimates of the unknowns, with the simulation error at each sample.
     """
 
     setup: Setup
@@ -54,15 +212,34 @@ class Fit:
 
     @property
     def found(self) -> Setup:
-        """The setup with the estimates as nominal values."""
+        """A copy of the setup with the estimates as nominal values."""
         z, setup = self.fitted.z.tolist(), self.setup
         values = dict(zip(setup.names, z, strict=False))
         return replace(setup.having(values), delay=z[-1])
 
     @property
     def simulated(self) -> Array:
-        """Output (N,) that is simulated from the torque alone [rad/s]."""
+        """Output (N,) of a simulation from the torque alone [rad/s]."""
         return self.setup.log.y - self.fitted.residual
+
+    @property
+    def rows(self) -> list[int]:
+        """Indices of the columns of `estimates` in the vector of unknowns."""
+        return [*range(self.fitted.problem.trajectory.first), -1, -2]
+
+    @cached_property
+    def estimates(self) -> pd.DataFrame:
+        """Table of the estimated parameters, gains of additional torques, delay and offset.
+
+        The table has one column for each estimate, and the rows ``value`` and ``sd`` (standard
+        deviation). If the delay is at the lower limit of the search, its ``sd`` is 0.
+        """
+        keys = (*self.setup.names, *self.setup.beside, "delay", "offset")
+        pair = [self.fitted.z[self.rows], self.deviations[self.rows]]
+        table = pd.DataFrame(pair, ["value", "sd"], keys)
+        if self.found.delay <= self.setup.earliest:
+            table.loc["sd", "delay"] = 0.0
+        return table
 
     @property
     def size(self) -> float:
@@ -86,13 +263,10 @@ class Fit:
 
     @cached_property
     def errors(self) -> Array:
-        """Mean squared simulation error in each part of the held-out samples."""
-        places = np.flatnonzero(self.setup.ok & ~self.fitted.problem.ok)
-        number = len(HELD_OUT) * PARTS
-        if len(places) < number or not np.isfinite(self.fitted.square):
-            return np.full(1, np.inf)
-        parts = np.array_split(self.fitted.residual[places] ** 2, number)
-        return np.array([np.mean(part) for part in parts])
+        """Mean squares of the simulation error in the parts of the held-out samples."""
+        held = self.setup.ok & ~self.fitted.problem.ok
+        parts = np.array_split(self.fitted.residual[held] ** 2, len(HELD_OUT) * PARTS)
+        return np.nan_to_num([np.mean(part) for part in parts], nan=np.inf, posinf=np.inf)
 
     @property
     def noise(self) -> float:
@@ -105,41 +279,29 @@ class Fit:
         return bool(self.error > max(RIGHT * self.noise, NOTHING * self.size))
 
     def better(self, other: Fit) -> bool:
-        """Return whether the error of `other` is significantly smaller, and by at least 1 %."""
-        before, after = self.errors, other.errors
-        if not np.isfinite(before).all() or not np.isfinite(after).all():
-            return bool(np.isfinite(after).all())
-        gain = before - after
-        counts = np.sqrt(after.mean() / before.mean()) < 1 - LEAST_GAIN
-        # errors of neighbouring samples are correlated, so the variance is computed from parts
-        return bool(counts and gain.mean() > BEYOND_CHANCE * gain.std() / np.sqrt(len(gain)))
-
-    def sure(self, *names: str) -> bool:
-        """Return whether any of the named parameters or gains differs significantly from 0.
-
-        The result is also True if none of these parameters and gains is identified.
-        """
-        own = (*self.setup.names, *self.setup.beside)
-        places = [own.index(name) for name in names if name in own]
-        clear = abs(self.fitted.z) > SURE * self.deviations
-        return not places or bool(clear[places].any())
+        """Return whether `other` has a significantly smaller simulation error, by at least 1 %."""
+        with np.errstate(invalid="ignore"):  # errors of a fit that failed are infinite
+            gain = self.errors - other.errors
+            # errors of neighbouring samples are correlated, so the variance is computed from parts
+            chance = BEYOND_CHANCE * gain.std() / np.sqrt(len(gain))
+        return other.error < (1 - LEAST_GAIN) * self.error and not gain.mean() <= chance
 
     @property
     def stuck(self) -> list[str]:
         """The identified parameters that are at a bound of the search."""
         problem, z = self.fitted.problem, self.fitted.z
-        at = (z <= problem.lower * (1 + 1e-9)) | (z >= problem.upper * (1 - 1e-9))
+        at = (z == problem.lower) | (z == problem.upper)
         return [name for name, side in zip(self.setup.names, at, strict=False) if side]
 
     @cached_property
     def deviations(self) -> Array:
         """Standard deviations (q,) of the unknowns.
 
-        The variance for white residuals is increased by the additional scatter of the estimates
-        over pieces of the log. The pieces are intervals of time, of speed and of angle. Intervals
-        of time are not enough, because the errors of a friction law depend on speed and angle, and
-        their mean over a whole motion is small. The standard deviations also include the numerical
-        errors of the arithmetic, of incomplete convergence, and of laws that are solved in steps.
+        A jackknife over pieces of the log measures the scatter of the estimates. If this scatter
+        exceeds the scatter due to white residuals, the variance is increased accordingly. The
+        pieces are intervals of time, of speed and of angle, because the errors of a friction law
+        depend on speed and angle. The standard deviations also include numerical errors: rounding
+        errors, incomplete convergence, and friction laws that are solved in steps.
         """
         fitted, log = self.fitted, self.setup.log
         white = np.diag(fitted.covariance)
@@ -162,7 +324,7 @@ def candidate(setup: Setup) -> Fit:
 
 
 def held_out(setup: Setup) -> Flags:
-    """Return flags (N,) of the held-out samples, on which the simulation is tested.
+    """Return flags (N,) of the held-out samples, which are used to test the simulation.
 
     The first samples after a gap are not held out, because they determine the initial state.
     """
@@ -175,12 +337,8 @@ def held_out(setup: Setup) -> Flags:
 def answer(best: Fit) -> Fit:
     """Fit the model of the best candidate to the whole log.
 
-    If the model is adequate, the fit minimises whitened errors. If the model is incomplete, the fit
-    minimises the simulation error. However, if the estimates then reach a bound, the fit is
-    repeated with whitened errors.
+    If the model is adequate, the fit minimises whitened prediction errors. If the model is
+    incomplete, the fit minimises the simulation error.
     """
-    for rounds in (0, ROUNDS) if best.lacks else (ROUNDS,):
-        result = Fit(best.setup, best.setup.solve(best.fitted.z, rounds=rounds))
-        if not result.stuck:
-            break
-    return result
+    rounds = 0 if best.lacks else ROUNDS
+    return Fit(best.setup, best.setup.solve(best.fitted.z, rounds=rounds))

@@ -1,30 +1,42 @@
-"""Identify the nominal values of an axis from its log."""
+"""Identify the parameters of an axis from one log, or compare its parameters in many logs."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from flexaxis.estimators.models.model import Model
+from flexaxis.estimators.offline.prediction_error import ROUNDS
 from flexaxis.estimators.offline.structure import matrices
 from flexaxis.experiments.logs.axis_file import Axis
+from flexaxis.experiments.logs.changes import Explained, clause, explain
 from flexaxis.experiments.logs.findings import Finding, LogError, texts_of
-from flexaxis.experiments.logs.fit import Fit, answer
-from flexaxis.experiments.logs.search import FRICTION, LAWFUL, Search, Tried
-from flexaxis.experiments.logs.setup import Setup
+from flexaxis.experiments.logs.fit import Fit, Setup, answer
+from flexaxis.experiments.logs.importing import import_log
+from flexaxis.experiments.logs.read import open_log
+from flexaxis.experiments.logs.search import FRICTION, LAWFUL, Search
 from flexaxis.experiments.logs.signals import log_of
-from flexaxis.experiments.logs.verdict import judged
-from flexaxis.sim.errors import did_you_mean
+from flexaxis.experiments.logs.verdict import correlation, judged
+from flexaxis.experiments.running.progress import progress
+from flexaxis.sim.errors import FlexaxisError, did_you_mean
 from flexaxis.sim.record import Record
 
 GIVEN = ("k_T", "r")  # torque scale and gear ratio, which no log of a single axis determines
 KINDS = ("auto", "none", *FRICTION)
 GRAVITY = ("auto", "none", "sine")
 MOST = 500_000  # maximum number of samples in a fit
+SUFFIXES = (".csv", ".tsv", ".txt", ".log", ".dat", ".mat", ".h5", ".hdf5", ".nc")
+MADE = ("-imported", "-track", "-estimates")  # endings of the names of files that flexaxis wrote
+SEEN = 0.1  # maximum relative standard deviation of a parameter that is estimated by default
+SURE = 3.0  # minimum effect of a covariate that is reported, in standard deviations
+SMALLEST = 1e-3  # minimum relative change, and relative effect of a covariate, that is reported
 
 
 @dataclass(frozen=True)
@@ -34,23 +46,19 @@ class Identification:
     Attributes
     ----------
     axis : Axis
-        Axis with the new nominal values, laws, delay, offset, whitening filter and noise.
+        Identified axis, with nominal values, laws, delay, offset, whitening filter and noise.
     answer : Fit
-        Fit to the whole log, with standard deviations of all unknowns: parameters, gains of
-        additional torques, initial states, offset and delay.
+        Fit of the model to the whole log.
     estimates : DataFrame
-        A column for each parameter, for each gain of an additional torque, for ``delay`` [s], and
-        for ``offset`` in the unit of the torque. The rows are ``value`` and ``sd``, the standard
-        deviation. The standard deviation of the delay is 0 if the delay was given, or if the delay
-        is the smallest that the search allows.
+        Table with one column for each parameter, for each gain of an additional torque, for
+        ``delay`` [s], and for ``offset`` in the torque unit. The rows are ``value`` and ``sd``
+        (standard deviation). If the delay was given, its ``sd`` is 0.
     fit : float
-        Fit 100 (1 − |y − ŷ|/|y − mean y|) [%] of a simulation of held-out pieces from the torque
-        alone.
+        Fit 100 (1 − |y − ŷ|/|y − mean y|) [%] of a simulation ŷ to the held-out pieces of the
+        output y.
     friction : str
         Identified law of dry friction: ``"coulomb"``, ``"stribeck"`` or ``"none"``. If the axis
         file contains laws, the value is ``"as stated"``.
-    tried : sequence of Tried
-        Comparisons of models with and without an additional effect.
     findings : sequence of Finding
         Findings on the estimates.
     units : str
@@ -62,7 +70,6 @@ class Identification:
     estimates: pd.DataFrame
     fit: float
     friction: str
-    tried: Sequence[Tried]
     findings: Sequence[Finding]
     units: str
 
@@ -95,7 +102,7 @@ def identify(
         Parameters to identify. By default, these are all parameters except k_T and r. If the
         nominal values are known, parameters with the nominal value 0 are also excluded.
     fix : sequence of str
-        Parameters to hold at their nominal values.
+        Names of the parameters that keep their nominal values.
     levels : mapping of str to float
         Values of parameters of the friction law. Parameters in `fix` keep these values. For all
         other parameters, the values are initial values of the fit.
@@ -105,27 +112,26 @@ def identify(
         Law of dry friction of the motor. ``"auto"`` adds a law if this law improves the simulation
         of held-out pieces of the record. Laws in the axis file are kept.
     gravity : {"auto", "none", "sine"}
-        Additional torque that depends on the sine and cosine of the measured angle. ``"auto"`` adds
+        Gravity torque, which depends on the sine and cosine of the measured angle. ``"auto"`` adds
         this torque if it improves the simulation of held-out pieces.
 
     Raises
     ------
     LogError
-        If a name is unknown, or if the record cannot determine the model.
+        If a parameter name is unknown, or if no parameters can be identified from the record.
     """
-    for option, value, known in (("friction", friction, KINDS), ("gravity", gravity, GRAVITY)):
-        if value not in known:
-            raise LogError(f"--{option} {value} is not one of {', '.join(known)}")
+    for option, value, kinds in (("friction", friction, KINDS), ("gravity", gravity, GRAVITY)):
+        if value not in kinds:
+            raise LogError(f"--{option} {value} is not one of {', '.join(kinds)}")
     law = FRICTION.get("coulomb" if friction == "auto" else friction)
-    if levels and (axis.model.laws or not law or not levels.keys() <= {*law.names}):
-        known = (*axis.model.parameters, *LAWFUL)
-        hints = "".join(did_you_mean(name, known) for name in levels if name not in known)
-        raise LogError(f"--friction {friction} has no parameter {', '.join(levels)}.{hints}")
+    known = law.names if law and not axis.model.laws else ()
+    for name in levels:
+        if name not in known:
+            hint = did_you_mean(name, (*axis.model.parameters, *known))
+            raise LogError(f"--friction {friction} has no parameter {name}.{hint}")
     names = free_names(axis, free, fix)
-    log = log_of(record, replace(axis, beside={}))
+    log = log_of(record, axis.model_copy(update={"beside": {}}))
     setup = Setup(log, axis.model, names, delay or 0.0, delay is not None).part(MOST)
-    if axis.known:
-        _check_rate(axis.model, log.period)
     early, late = -4 * log.period, setup.latest
     if not early <= setup.delay <= late:
         raise LogError(
@@ -143,38 +149,41 @@ def _result(search: Search, axis: Axis, record: Record) -> Identification:
     best = search.result()
     chosen = answer(best)
     setup, fitted, found = chosen.setup, chosen.fitted, chosen.found
-    names = (*setup.names, *setup.beside)
-    keys, rows = (*names, "delay", "offset"), [*range(len(names)), -1, -2]
-    z, sd = fitted.z[rows], chosen.deviations[rows]
-    if setup.timed or found.delay <= setup.earliest:
-        sd[-2] = 0.0
     _check_rate(found.model, setup.log.period)
-    result = replace(
-        axis,
-        model=found.model,
-        known=True,
-        delay=found.delay,
-        whitening=tuple(fitted.inverse.tolist()),
-        noise=float(np.sqrt(fitted.square)),
-        error=best.error,
-        offset=float(z[-1]) if abs(z[-1]) > 3 * sd[-1] else 0.0,
-        beside=dict(zip(setup.beside, z[len(setup.names) :].tolist(), strict=False)),
-        rate=1 / setup.log.period,
-        deviation=dict(zip(names, sd.tolist(), strict=False)),
-    )
+    known = chosen.estimates.drop(columns=["delay", "offset"])
+    offset, sd = chosen.estimates["offset"]
+    results = {
+        "model": found.model,
+        "known": True,
+        "delay": found.delay,
+        "whitening": tuple(fitted.inverse.tolist()),
+        "noise": float(np.sqrt(fitted.square)),
+        "error": best.error,
+        "offset": float(offset) if abs(offset) > 3 * sd else 0.0,
+        "beside": known.loc["value", [*setup.beside]].to_dict(),
+        "rate": 1 / setup.log.period,
+        "deviation": known.loc["sd"].to_dict(),
+    }
     friction = "as stated" if axis.model.laws else "none"
     if setup.model.laws and not axis.model.laws:
         friction = "stribeck" if "f_s" in setup.model.parameters else "coulomb"
+    fit, units = 100 * (1 - best.error / chosen.size), units_of(record, found.model.nominal)
+    texts = (
+        f"units: {units}",
+        f"law of dry friction: {friction}",
+        f"a simulation explains {chosen.percent:.1f} % of the whole log",
+        "the largest autocorrelation of the whitened residuals is "
+        f"{correlation(fitted.white[fitted.good]):.3f}",
+    )
+    findings = judged(search, best, chosen, record) + [Finding("info", text) for text in texts]
     return Identification(
-        result, chosen, pd.DataFrame([z, sd], ["value", "sd"], keys),
-        100 * (1 - best.error / chosen.size), friction, search.tried,
-        judged(search, best, chosen, record), units_of(record, axis.model.nominal.get("k_T")),
-    )  # fmt: skip
+        axis.model_copy(update=results), chosen, chosen.estimates, fit, friction, findings, units
+    )
 
 
-def units_of(record: Record, k_T: float | None) -> str:
+def units_of(record: Record, nominal: Mapping[str, float]) -> str:
     """Return the units of the parameters, which depend on the unit of k_T."""
-    unit = record.versions.get("torque_unit", "")
+    unit, k_T = record.versions.get("torque_unit", ""), nominal.get("k_T")
     if unit not in {"", "1", "A", "V"} and k_T in {None, 1.0}:  # torque in N m or N
         return "SI"
     one = f"1 {unit}" if unit not in {"", "1"} else "1"
@@ -184,7 +193,7 @@ def units_of(record: Record, k_T: float | None) -> str:
 
 
 def free_names(axis: Axis, free: Sequence[str], fix: Sequence[str]) -> tuple[str, ...]:
-    """Return the parameters to identify: those in `free`, or all that a log can determine."""
+    """Return the names of the parameters to identify: `free`, or all that a log can determine."""
     known = axis.model.parameters
     named = [n for n in (*free, *fix) if n not in LAWFUL or n in known]
     axis.having(dict.fromkeys(named, 1.0))  # raises an error for unknown names
@@ -200,7 +209,130 @@ def _check_rate(model: Model, period: float) -> None:
     fastest = float(np.max(abs(np.linalg.eigvals(matrices(model)[0]).imag))) / (2 * np.pi)
     if 2 * fastest * period > 1:
         raise LogError(
-            f"a log at {1 / period:.4g} Hz cannot show a mode at {fastest:.4g} Hz. Log at a higher "
-            "rate, give better initial values with --start NAME=VALUE, or use a model with fewer "
-            "masses"
+            f"a log at {1 / period:.4g} Hz cannot show a mode at {fastest:.4g} Hz. Increase the "
+            "sampling rate, give better initial values with --start NAME=VALUE, or use a model "
+            "with fewer masses"
         )
+
+
+@dataclass(frozen=True)
+class Many:
+    """Parameter estimates from many logs of an axis, and findings on changes between the logs.
+
+    Attributes
+    ----------
+    table : DataFrame
+        Table with one row for each log. The columns are ``name`` and ``name_sd`` for each
+        parameter, and one column for each covariate.
+    explained : dict of str to Explained
+        Effects of the covariates on each parameter, and the change of each parameter.
+    findings : list of Finding
+        One finding for each parameter, and one for each log that could not be used.
+    """
+
+    table: pd.DataFrame
+    explained: dict[str, Explained]
+    findings: list[Finding]
+
+    @property
+    def status(self) -> int:
+        """Exit status: 1 if a parameter changed or a log could not be used, else 0."""
+        return int(any(one.kind != "ok" for one in self.findings))
+
+
+def find_logs(folder: Path) -> list[Path]:
+    """Return the paths of the logs in a folder, sorted by name (log_9 before log_10).
+
+    Files that flexaxis wrote into the folder are skipped.
+
+    Raises
+    ------
+    LogError
+        If the folder contains no log.
+    """
+    logs = [
+        path
+        for path in folder.iterdir()
+        if path.suffix.lower() in SUFFIXES and path.name[0] != "." and not path.stem.endswith(MADE)
+    ]
+    if not logs:
+        raise LogError(f"{folder} contains no log. File names of logs end in {', '.join(SUFFIXES)}")
+    return sorted(logs, key=lambda path: [t.zfill(20) for t in re.split(r"(\d+)", path.name)])
+
+
+def identify_many(
+    logs: Sequence[Path],
+    axis: Axis,
+    tables: Mapping[str, Any],
+    *,
+    covariates: Sequence[str] = (),
+    free: Sequence[str] = (),
+    false_alarms: float = 0.01,
+) -> Many:
+    """Estimate the parameters of an axis from each log, and find changes between the logs.
+
+    Parameters
+    ----------
+    logs : sequence of Path
+        Paths of the logs, in order of time.
+    axis : Axis
+        Identified axis. An axis without standard deviations is identified from the first log.
+    tables : mapping
+        Options for reading a log, which are those of `importing.import_log`.
+    covariates : sequence of str
+        Names of log columns, such as a temperature. The covariate is the mean of the column.
+    free : sequence of str
+        Parameters to estimate. By default, these are all parameters whose standard deviation in the
+        axis file is less than 10 % of the value.
+    false_alarms : float
+        Maximum probability of a false alarm, which reports a change although no parameter changed.
+    """
+    rows, findings = dict[str, Any](), list[Finding]()
+    with progress("Identifying", len(logs)) as advance:
+        for path in logs:
+            try:
+                record = import_log(path, **tables).record
+                if not (axis.known and (free or axis.deviation)):
+                    axis = identify(record, axis).axis
+                known, nominal = axis.deviation, axis.model.nominal
+                free = free or [n for n in nominal if known.get(n, np.inf) < SEEN * abs(nominal[n])]
+                if not free:
+                    raise LogError(
+                        "the axis file states no parameter to within 10 %. Give --free NAME"
+                    )
+                setup = Setup(log_of(record, axis), axis.model, tuple(free), axis.delay)
+                found = Fit(setup, setup.solve(rounds=ROUNDS)).estimates[[*free]]
+                parts = [found.loc["value"], found.loc["sd"].add_suffix("_sd")]
+                if covariates:
+                    columns = open_log(path, tables.get("header")).read(covariates)
+                    parts.append(pd.DataFrame(columns).mean())
+                rows[path.name] = pd.concat(parts)
+            except FlexaxisError as error:
+                findings.append(Finding("problem", f"{path.name} is left out: {error}"))
+            advance(1)
+    if not rows:
+        raise LogError("; ".join(one.text for one in findings))
+    table = pd.DataFrame(rows).T
+    beside = table[list(covariates)].to_numpy(float)
+    explained = {
+        name: explain(table[name].to_numpy(), table[f"{name}_sd"].to_numpy(), beside,
+                      false_alarms=false_alarms / len(free))
+        for name in free
+    }  # fmt: skip
+    sentences = [_sentence(name, one, table, covariates) for name, one in explained.items()]
+    return Many(table, explained, [*sorted(sentences, key=lambda f: f.kind == "ok"), *findings])
+
+
+def _sentence(name: str, one: Explained, table: pd.DataFrame, covariates: Sequence[str]) -> Finding:
+    """Return the finding on the change of one parameter between the logs."""
+    level, ends = abs(one.level), table.index[[one.begin, one.end]]
+    changed = one.kind != "constant" and abs(one.size) > SMALLEST
+    text = f"{name} = {one.level:.4g}, no change"
+    if changed:
+        text = clause(name, one, one.size, *ends)
+        text += f" (probability that noise alone causes this: {one.chance:.1g})"
+    for column, slope, sd in zip(covariates, one.slopes, one.slope_deviations, strict=True):
+        if abs(slope) > max(SURE * sd, SMALLEST * level / float(np.ptp(table[column]))):
+            size = f"{100 * slope / level:+.2g} ± {100 * sd / level:.1g} %"
+            text += f"; {size} for each unit of {column}"
+    return Finding("note" if changed else "ok", text)

@@ -17,12 +17,11 @@ from flexaxis.experiments.files import write_text
 from flexaxis.experiments.logs.axis_file import output_of, usable
 from flexaxis.experiments.logs.findings import MARKS, Finding, ordered, texts_of
 from flexaxis.experiments.logs.fit import Fit
-from flexaxis.experiments.logs.identify import Identification
+from flexaxis.experiments.logs.identify import Identification, Many
 from flexaxis.experiments.logs.importing import Imported
-from flexaxis.experiments.logs.many import Many
 from flexaxis.experiments.logs.signals import gaps_of, liveliest
 from flexaxis.experiments.logs.track import Tracked
-from flexaxis.experiments.logs.verdict import correlation, unlike
+from flexaxis.experiments.logs.verdict import unlike
 from flexaxis.experiments.reporting import page
 from flexaxis.experiments.reporting.figures import Series, curves
 from flexaxis.experiments.running.progress import LINE
@@ -33,8 +32,6 @@ MOST = 4000  # maximum number of points of a curve
 GAPS = 200  # maximum number of gaps that are shaded
 PIECE = 500  # number of samples of a simulation in a figure
 TIMED: dict[str, Any] = {"x": "time [s]"}
-WRITTEN: dict[str, Any] = {"border": 0, "float_format": "{:.5g}".format}
-"""Options with which pandas writes a table as HTML."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +46,7 @@ class Chart:
 
 @dataclass(frozen=True)
 class LogPage:
-    """The content of the HTML page of a log.
+    """The content of an HTML page about a log.
 
     Attributes
     ----------
@@ -73,7 +70,9 @@ class LogPage:
 
     def write(self, path: Path) -> None:
         """Write the page as one HTML file that needs no network connection."""
-        table = "" if self.table is None else Markup(self.table.to_html(**WRITTEN))
+        table = ""
+        if self.table is not None:
+            table = Markup(self.table.to_html(border=0, float_format="{:.5g}".format))
         content = vars(self) | {
             "figures": [
                 (page.drawn(curves, one.title, one.panels, **one.options), one.words)
@@ -92,54 +91,39 @@ def _line(x: Array, y: Array, label: str, role: Any = "data") -> Series:
 
 
 def _gaps(time: Array, ok: NDArray[np.bool_]) -> list[tuple[float, float, str]]:
-    """Return the time spans of unused samples, which the figure shades."""
+    """Return the time spans of unused samples, for shading in a figure."""
     return [(float(time[a]), float(time[b - 1]), "not used") for a, b in gaps_of(ok)[:GAPS]]
 
 
 def import_page(result: Imported, log: str) -> LogPage:
-    """Return the page of an import."""
+    """Return the page that reports the import of a log."""
     checks, record = ordered(result.checks), result.record
     finding = Finding("ok", "The checks found no problem in this log.")
     if bad := ", ".join(one.name for one in checks if one.kind == "problem"):
         finding = Finding("problem", f"This log would give wrong estimates. Failed checks: {bad}.")
-    curves_of = {
-        "torque [as logged]": record.torque,
-        "speed [rad/s]": output_of(record)[1],
+    panels = {
+        "torque [as logged]": [_line(record.time, record.torque, "log")],
+        "speed [rad/s]": [_line(record.time, output_of(record)[1], "log")],
     }
-    panels = {label: [_line(record.time, y, "log")] for label, y in curves_of.items()}
     words = "Torque and speed in the log. Missing samples and the burn-in are shaded."
     chart = Chart("The log", words, panels, TIMED | {"spans": _gaps(record.time, usable(record))})
     return LogPage(f"Import of {log}", finding, checks, [chart])
 
 
 def identification_page(result: Identification, other: Fit | None, title: str) -> LogPage:
-    """Return the page of an identification, with the simulation of another log if available."""
-    findings = findings_of(result, other)
+    """Return the page of an identification. If a validation log was simulated, show it as well."""
+    charts, findings = [_compared("Simulation from the torque", result.answer)], [*result.findings]
+    if other is not None:
+        charts.append(_compared("Simulation of the validation log", other))
+        fits = f"a simulation explains {other.percent:.1f} % of the other log"
+        findings.append(Finding("info", fits))
+        if text := unlike(other, result.axis.error):
+            findings.append(Finding("problem", f"on the other log, {text}"))
     problems = texts_of(findings, "problem")
     text = f"A simulation from the torque alone explains {result.fit:.1f} % of held-out pieces."
     text += f" The estimates cannot be used: {problems[0]}." if problems else ""
-    charts = [_compared("Simulation from the torque", result.answer)]
-    if other is not None:
-        charts.append(_compared("Simulation of the other log", other))
     finding = Finding("problem" if problems else "ok", text)
-    return LogPage(title, finding, findings, charts, result.estimates.T)
-
-
-def findings_of(result: Identification, other: Fit | None) -> list[Finding]:
-    """Return the findings on the identification and the other log, the most severe first."""
-    fit, problems = result.answer, list[Finding]()
-    white = fit.fitted.white[fit.fitted.good]
-    texts = [
-        f"units: {result.units}",
-        f"law of dry friction: {result.friction}",
-        f"a simulation explains {fit.percent:.1f} % of the whole log",
-        f"largest autocorrelation of the whitened residuals: {correlation(white):.3f}",
-    ]
-    if other is not None:
-        texts.append(f"a simulation explains {other.percent:.1f} % of the other log")
-        if text := unlike(other, result.axis.usual):
-            problems.append(Finding("problem", f"on the other log, {text}"))
-    return ordered([*problems, *result.findings, *(Finding("info", text) for text in texts)])
+    return LogPage(title, finding, ordered(findings), charts, result.estimates.T)
 
 
 def content(result: Identification, findings: Sequence[Finding]) -> dict[str, Any]:
@@ -159,10 +143,10 @@ def _compared(title: str, fit: Fit) -> Chart:
     log = fit.setup.log
     piece = liveliest(log.y, PIECE)
     t = log.period * np.arange(piece.start, piece.stop)
-    y, error = log.y[piece], fit.fitted.residual[piece]
+    y, simulated = log.y[piece], fit.simulated[piece]
     panels = {
-        "speed [rad/s]": [_line(t, y, "log"), _line(t, y - error, "simulation", "truth")],
-        "error [rad/s]": [_line(t, error, "error")],
+        "speed [rad/s]": [_line(t, y, "log"), _line(t, simulated, "simulation", "truth")],
+        "error [rad/s]": [_line(t, y - simulated, "error")],
     }
     return Chart(title, "The part of the log with the most motion.", panels, TIMED)
 
@@ -182,16 +166,16 @@ def track_page(result: Tracked, estimator: str, log: str) -> LogPage:
     table = pd.DataFrame({"last": result.last, "nominal": result.nominal}, result.names)
     table["ratio"] = table["last"] / table["nominal"]
     part = slice(None, None, max(len(result.time) // MOST, 1))
+    two = 0.0 if result.deviations is None else 2 * result.deviations
+    sides = (result.theta - two, result.theta, result.theta + two)
+    low, y, high = (side[part].T / result.nominal[:, None] for side in sides)
     t, panels = result.time[part], {}
     same = Series(x=t[[0, -1]], y=np.ones(2), role="bound", label="as identified")
-    for i, (name, nominal) in enumerate(zip(result.names, result.nominal, strict=True)):
-        y, sides = result.theta[part, i] / nominal, dict[str, Any]()
-        if result.deviations is not None:
-            band = 2 * result.deviations[part, i] / abs(nominal)
-            sides = {"low": y - band, "high": y + band}
-        panels[f"{name} / nominal"] = [Series(x=t, y=y, estimator=estimator, **sides), same]
+    for i, name in enumerate(result.names):
+        estimate = Series(x=t, y=y[i], low=low[i], high=high[i], estimator=estimator)
+        panels[f"{name} / nominal"] = [estimate, same]
     marks = [(one.time, one.text) for one in result.changes if one.kind == "step"]
-    marks += [(float(at), "alarm") for at in result.alarms]
+    marks += [(at, "alarm") for at in result.alarms.tolist()]
     words = "Estimates divided by nominal values, ±2σ. Vertical lines mark steps and alarms."
     options = TIMED | {"marks": marks, "spans": _gaps(result.time, result.usable)}
     chart = Chart("Estimates", words, panels, options)

@@ -1,4 +1,4 @@
-"""Find initial values for a fit, and effects in a log that a linear model does not describe.
+"""Find initial values for a fit, and find nonlinear effects in a log, such as dry friction.
 
 Initial values are computed from frequency responses of the log. Dry friction and gravity are added
 if they improve the simulation of held-out pieces.
@@ -14,10 +14,8 @@ import numpy as np
 
 from flexaxis.estimators.models.axes import BRISTLES, STATIC
 from flexaxis.estimators.models.laws import Law
-from flexaxis.estimators.offline.prediction_error import inverse_of
 from flexaxis.experiments.logs.findings import LogError
-from flexaxis.experiments.logs.fit import SURE, Fit, candidate
-from flexaxis.experiments.logs.setup import Setup
+from flexaxis.experiments.logs.fit import Fit, Setup, candidate
 from flexaxis.experiments.logs.signals import columns_beside
 from flexaxis.experiments.logs.spectra import (
     STRONG,
@@ -43,6 +41,7 @@ LAWFUL = {
 }
 """Initial value, lower and upper bound of each parameter for an rms torque and rms speed of one."""
 WINDOW = 0.05  # interval over which changes of momentum are compared with impulses [s]
+SURE = 3.0  # minimum distance of a significant parameter from 0, in standard deviations
 TURN = 0.5  # minimum range of the load angle [rad], below which gravity is nearly constant
 EARLY = 4.0  # maximum time by which a torque may act before it is logged [samples]
 ENOUGH, STEPS, NEAR = 4000, 6, 0.5  # samples, steps and accuracy of a fit that tests initial values
@@ -51,7 +50,7 @@ RUNGS, FASTEST = 6, 1.0  # number of resonances that are tried, and the highest 
 
 @dataclass(frozen=True)
 class Tried:
-    """A comparison of a model with and without an additional effect.
+    """A comparison between a model with an additional effect and a model without this effect.
 
     Attributes
     ----------
@@ -60,7 +59,7 @@ class Tried:
     before, after : float
         Rms simulation errors in held-out pieces [rad/s], without and with the effect.
     taken : bool
-        Whether the effect is included in the model.
+        Whether the effect was added to the model.
     """
 
     name: str
@@ -71,14 +70,14 @@ class Tried:
 
 @dataclass
 class Search:
-    """The search for the model that describes a log.
+    """The search for the model that describes a log best.
 
     Attributes
     ----------
     setup : Setup
         Log, and the model at the beginning of the search.
     known : bool
-        True if the nominal values are given or identified, False if they are a rough guess.
+        True if the nominal values are given or identified. False if they are a rough guess.
     friction : {"auto", "none", "coulomb", "stribeck"}
         Law of dry friction. ``"auto"`` adds a law if this law improves the simulation.
     gravity : {"auto", "none", "sine"}
@@ -89,7 +88,7 @@ class Search:
     fix : tuple of str
         Parameters to hold at their nominal values.
     tried : list of Tried
-        Comparisons of models with and without an additional effect.
+        Comparisons between models with an additional effect and models without this effect.
     """
 
     setup: Setup
@@ -101,26 +100,26 @@ class Search:
     tried: list[Tried] = field(default_factory=list)
 
     def result(self) -> Fit:
-        """Return the fit of the best model, among the models that the options allow."""
+        """Return the fit of the model that describes the log best and that the options allow."""
         setups = [self.setup] if self.known else self._guesses()
-        laws = self.setup.model.law_parameters
-        box = {
-            name: (0.0, np.inf) if name in laws else tuple(sorted((start / REACH, start * REACH)))
-            for name, start in zip(setups[0].names, setups[0].start.tolist(), strict=True)
-        }
+        model, box = setups[0].model, dict[str, tuple[float, float]]()
+        for name in self.setup.names:
+            ends = sorted((model.nominal[name] / REACH, model.nominal[name] * REACH))
+            box[name] = (0.0, np.inf) if name in model.law_parameters else (ends[0], ends[1])
         setups = [replace(one, box=box) for one in setups]
         best = self._explored([*setups, *self._responses(setups[0])])
         return self._early(self._rubbed(self._falling(best)))
 
     def _guesses(self) -> list[Setup]:
-        """Return setups with rough guesses of the parameters.
+        """Return setups that start at rough guesses of the parameters.
 
-        A log of slow motion shows no peak at the resonance, so several resonances are tried.
+        If the motion is slow, the frequency response has no peak at the resonance. Therefore, the
+        setups start at several resonance frequencies.
 
         Raises
         ------
         LogError
-            If the torque does not explain the motion.
+            If the torque and the motion are coherent at too few frequencies.
         """
         setup, period = self.setup, self.setup.log.period
         try:
@@ -133,7 +132,7 @@ class Search:
         return [setup.having(rough_guess(setup.model, seen, peak)) for peak in peaks]
 
     def _rigid(self) -> dict[str, float]:
-        """Return rough parameters of a rigid axis, which are computed from its momentum."""
+        """Return rough parameters of a rigid axis, computed from changes of its momentum."""
         log = self.setup.log
         window = max(round(WINDOW / log.period), 1)
         impulse = log.period * np.convolve(log.u, np.ones(window), "valid")
@@ -171,12 +170,14 @@ class Search:
         return better
 
     def _taken(self, name: str, best: Fit, other: Fit, *sure: str) -> Fit:
-        """Compare two fits, add the comparison to `tried`, and return the better fit.
+        """Compare two fits, append the comparison to `tried`, and return the better fit.
 
-        The fit `other` is returned only if one of the parameters `sure` differs significantly from
-        0.
+        If the names of parameters are given in `sure`, the fit `other` is returned only if one of
+        these parameters differs significantly from 0.
         """
-        taken = best.better(other) and other.sure(*sure)
+        pairs = (other.estimates[one] for one in sure if one in other.estimates)
+        clear = not sure or any(abs(value) > SURE * sd for value, sd in pairs)
+        taken = clear and best.better(other)
         self.tried.append(Tried(name, best.error, other.error, taken))
         return other if taken else best
 
@@ -190,7 +191,7 @@ class Search:
         return other if asked else self._taken("gravity", best, other, *columns)
 
     def _law(self, best: Fit, kind: str) -> Setup:
-        """Return a setup with a friction law, which starts at the estimates of a fit."""
+        """Return a setup that has a friction law and starts at the estimates of a fit."""
         setup, law = best.found, FRICTION[kind]
         nominal, log = setup.model.nominal, setup.log
         if kind == "coulomb":
@@ -209,25 +210,22 @@ class Search:
         )
 
     def _early(self, best: Fit) -> Fit:
-        """Allow a torque that acts before it is logged, if this improves the simulation."""
-        fitted, setup = best.fitted, best.found
+        """Allow a negative torque delay, if a negative delay improves the simulation."""
+        setup = best.found
         if setup.log.smooth or setup.timed or setup.delay > setup.earliest:
-            return best
-        H, g = fitted.curvature
-        if (inverse_of(H) @ g)[-1] > -SURE * fitted.deviations[-1]:
             return best
         lags = (-setup.log.period * np.array([0.5, 1.5, 2.5])).tolist()
         other = self._explored([replace(setup, early=EARLY, delay=lag) for lag in lags])
         return self._taken("a torque that acts before it is logged", best, other)
 
     def _response(self, level: float = 0.0, floor: float = STRONG) -> Spectra:
-        """Return the frequency response to the torque minus dry friction of a given level."""
+        """Return the frequency response to the torque minus the dry friction torque `level`."""
         log = self.setup.log
         u = log.u - level * np.sign(log.y)
         return measured_response(u[log.ok], log.y[log.ok], period=log.period, floor=floor)
 
     def _responses(self, setup: Setup, level: float = 0.0) -> list[Setup]:
-        """Return setups that start at fits of the linear model to frequency responses."""
+        """Return setups that start at parameters fitted to the measured frequency response."""
         linear, setups = replace(setup.model, laws=()), list[Setup]()
         own = tuple(name for name in setup.names if name in linear.parameters)
         for floor in (STRONG, 0.0):
@@ -242,12 +240,12 @@ class Search:
         return setups
 
     def _explored(self, setups: Sequence[Setup]) -> Fit:
-        """Fit the model, starting at the setup that fits a part of the log best."""
+        """Fit a part of the log from each setup, then fit the log from the best result."""
         fits = (Fit(setup, setup.part(ENOUGH).solve(most=STEPS, near=NEAR)) for setup in setups)
         best = min(fits, key=lambda one: one.fitted.square)
         if not np.isfinite(best.fitted.square):
             raise LogError(
-                "the log could not be simulated from any initial values. Give nominal values of "
+                "the simulation of the log failed for all initial values. Give nominal values of "
                 "the correct order of magnitude with --start NAME=VALUE"
             )
         return candidate(best.found)

@@ -16,7 +16,6 @@ Flags = NDArray[np.bool_]
 
 RESTING = 0.05  # maximum speed of an axis at rest, relative to the standard deviation of the speed
 FIRST, CLEAR = 5, 3.0  # number of samples that determine the initial speed; factor on their noise
-UNKNOWN, ROOM = 30, 2e7  # maximum number of unknown states after gaps, and of their derivatives
 LONGEST = 200_000  # maximum number of samples of a signal that are examined
 STRAIGHT = 1e-3  # maximum relative second difference of samples on a straight line
 MOST_KNOTS, BENDS = 21, 0.95  # maximum samples between updates, plus 1; share of changes at updates
@@ -94,7 +93,7 @@ def rhythm(values: Array) -> tuple[int, int, bool]:
 
 
 def unwrapped(angle: Array) -> tuple[Array, float]:
-    """Return an unwrapped angle, and the range [rad] after which it wrapped, or 0.
+    """Return an unwrapped angle, and the range [rad] after which the angle wrapped, or 0.
 
     An angle with a range of one turn wraps if it jumps by more than half a turn. An angle with a
     range of several whole turns (a counter) wraps if it jumps by nearly the whole range. Any other
@@ -120,7 +119,7 @@ def unwrapped(angle: Array) -> tuple[Array, float]:
 
 @dataclass(frozen=True)
 class Log:
-    """The signals of a record for identification.
+    """The signals of a record that are used for identification.
 
     Attributes
     ----------
@@ -156,31 +155,9 @@ class Log:
             return resolution(self.y[self.ok]) / np.sqrt(12)
         return resolution(self.angle[self.ok]) / np.sqrt(6) / self.period
 
-    def begins(self, states: int, later: int) -> list[int]:
-        """Return the indices at which stretches with an unknown initial state begin.
-
-        Stretches begin at the start of the log and after its longest gaps. The torque in a gap is
-        unknown, so the state after the gap is also unknown. In all other gaps, the torque is
-        interpolated linearly.
-
-        Parameters
-        ----------
-        states : int
-            Number of unknown states after a gap.
-        later : int
-            Number of samples after a gap in which the unknown torque of the gap still acts.
-        """
-        # if the log does not begin at rest, the first stretch begins at the first usable sample
-        first = 0 if self.resting else int(np.argmax(self.ok))
-        missing = gaps_of(self.ok).tolist()
-        gaps = [(begin, end) for begin, end in missing if begin and end < len(self.ok)]
-        most = int(min(UNKNOWN, ROOM // len(self.ok))) // states
-        longest = sorted(gaps, key=lambda gap: gap[0] - gap[1])[:most]
-        return [first, *sorted({end + later for _, end in longest if end + later < len(self.ok)})]
-
 
 def log_of(record: Record, axis: Axis) -> Log:
-    """Return the signals of a record. The torque includes the known gravity torque of the axis."""
+    """Return the signals of a record. The known gravity torque is added to the torque."""
     output, y = output_of(record)
     angle = np.cumsum(y) * record.period if record.angle is None else record.angle
     angle = axis.model.nominal.get("r", 1.0) * angle
@@ -201,7 +178,7 @@ def log_of(record: Record, axis: Axis) -> Log:
 
 
 def columns_beside(angle: Array) -> dict[str, Array]:
-    """Return a dict of the regressors (N,) of gravity. The keys are the names of their gains.
+    """Return a dict of the regressors (N,) of gravity. The keys are the names of the gains.
 
     The regressors are −sin φ and −cos φ, where φ is the mean angle over the next sampling period.
     This mean is computed from a cubic polynomial through four angles. The mean of two angles would
@@ -213,5 +190,5 @@ def columns_beside(angle: Array) -> dict[str, Array]:
 
 
 def noise_of(y: Array) -> float:
-    """Return the standard deviation of white noise in a signal, from y[k+2] − y[k]."""
+    """Return the standard deviation of white noise in a signal y, estimated from y[k+2] − y[k]."""
     return float(median_abs_deviation(y[2:] - y[:-2], scale="normal")) / np.sqrt(2)

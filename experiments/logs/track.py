@@ -23,8 +23,7 @@ from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.logs.axis_file import Axis, valid_of
 from flexaxis.experiments.logs.changes import Change, changes_along
 from flexaxis.experiments.logs.findings import Finding, LogError
-from flexaxis.experiments.logs.fit import Fit
-from flexaxis.experiments.logs.setup import Setup
+from flexaxis.experiments.logs.fit import Fit, Setup
 from flexaxis.experiments.logs.signals import gaps_of, log_of
 from flexaxis.experiments.logs.verdict import correlation, unlike, validate
 from flexaxis.experiments.running.estimate import run_on, write_estimates
@@ -174,8 +173,8 @@ def track(
     changes, unseen = changes_along(look, time[good], fitted.z, names)
     fit, known = Fit(setup, fitted), axis.model.parametrize(names).theta
     # after a change, no single value of the parameter fits the whole log
-    fits = bool(changes) or (abs(past) < WHITE and axis.usual is None)
-    text = unlike(fit, axis.usual) * (not fits)
+    fits = bool(changes) or (abs(past) < WHITE and axis.error is None)
+    text = unlike(fit, axis.error) * (not fits)
     relative = dict(zip(names, last / known - 1, strict=True))
     findings = _findings(text, changes, unseen, relative)
     findings += _interruptions(record, stopped)

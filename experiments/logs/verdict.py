@@ -1,4 +1,4 @@
-"""Decide whether the estimates from a log can be used, and validate them on another log."""
+"""Decide whether the estimates from a log can be used, and validate an axis on another log."""
 
 from __future__ import annotations
 
@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 from flexaxis.experiments.logs.axis_file import Axis
 from flexaxis.experiments.logs.changes import changes_in
 from flexaxis.experiments.logs.findings import Finding, Kind, LogError
-from flexaxis.experiments.logs.fit import Fit
+from flexaxis.experiments.logs.fit import Fit, Setup
 from flexaxis.experiments.logs.search import Search
-from flexaxis.experiments.logs.setup import Setup
 from flexaxis.experiments.logs.signals import gaps_of, log_of
 from flexaxis.sim.record import Record
 
@@ -23,7 +22,7 @@ POOR = 10.0  # maximum difference between the expected and the actual fit of the
 MATCHED = 50.0  # minimum fit of a correct model [%]
 LAGS = 20  # number of lags of the autocorrelation of a residual
 BLIND = 0.5  # relative standard deviation above which a log does not determine a parameter
-APART = 0.99  # negative correlation above which a log determines only the sum of two parameters
+KNOWN = 0.02  # maximum variance of a sum that the log determines, relative to one parameter
 EARLY = 3.0  # significant difference of a delay from its bound, in standard deviations
 HALF = 0.5  # time by which a measured torque may act early [samples], if it is a mean value
 FILTERED = 0.5  # delay above which a speed may be low-pass filtered [samples]
@@ -39,19 +38,19 @@ def judged(search: Search, best: Fit, chosen: Fit, record: Record) -> list[Findi
     Parameters
     ----------
     search : Search
-        Search that found the model.
+        Search for the model, with the comparisons of additional effects.
     best : Fit
-        Best candidate of the search, which was fitted without the held-out pieces.
+        Best fit of the search, without the held-out pieces of the log.
     chosen : Fit
-        Fit of the same model to the whole log.
+        Fit of the best model to the whole log.
     record : Record
         Record of the log.
     """
     setup, fitted, log = chosen.setup, chosen.fitted, chosen.setup.log
     fit = 100 * (1 - best.error / chosen.size)
     wrong = fit < MATCHED and best.error > NOISY * chosen.noise
-    tried = {one.name: one for one in search.tried}
-    rubs = search.friction == "none" and "dry friction" in tried and tried["dry friction"].taken
+    dry = (one.taken for one in search.tried if one.name == "dry friction")
+    rubs = search.friction == "none" and any(dry)
     missing, gaps = float(1 - np.mean(log.ok)), len(gaps_of(log.ok))
     lag, sd, period = float(fitted.z[-1]), float(chosen.deviations[-1]), log.period
     free, least = not setup.timed, HALF * log.smooth
@@ -67,8 +66,8 @@ def judged(search: Search, best: Fit, chosen: Fit, record: Record) -> list[Findi
          "another --model, or give better initial values with --start NAME=VALUE"),
         ("problem", fit < HIDDEN and not wrong,
          f"a simulation explains only {fit:.0f} %, because sensor steps or noise hide the motion. "
-         f"Reduce the rate, for example with --resample {0.2 / period:.3g}, or excite the axis "
-         "more"),
+         f"Reduce the sampling rate, for example with --resample {0.2 / period:.3g}, or use a "
+         "stronger excitation"),
         ("problem", not fitted.converged,
          "the fit did not converge. Start from these estimates with --start NAME=VALUE, or fix "
          "the least certain parameter with --fix NAME=VALUE"),
@@ -82,9 +81,10 @@ def judged(search: Search, best: Fit, chosen: Fit, record: Record) -> list[Findi
          "select a part with --rows A:B. If only the time stamps are rounded, give --rate HZ"),
         *_changed(chosen),
         *_unseen(chosen),
-        ("problem", free and lag >= max(setup.latest * (1 - 1e-9), EARLY * sd),
+        ("problem", free and lag >= max(setup.latest, EARLY * sd),
          f"the torque acts at least {1e3 * lag:.3g} ms after it is logged, so the torque and "
-         "motion columns are not synchronous. Shift one of these columns, or give --delay S"),
+         "motion columns are not synchronous. Shift one of the columns, or give the delay with "
+         "--delay S"),
         ("problem" if log.smooth else "note", free and lag < -least * period - EARLY * sd,
          f"the torque acts {-lag / period:.2f} samples before it is logged, which is impossible. "
          "The torque column is late or filtered. The estimates are valid for a shifted column. "
@@ -98,7 +98,7 @@ def judged(search: Search, best: Fit, chosen: Fit, record: Record) -> list[Findi
          "the torque acts half a sample late, like a held command, although flexaxis assumes a "
          "measured current. Give --torque-is held, or confirm a current with --torque-is smooth"),
         ("note", best.lacks,
-         "the simulation error exceeds the noise, so an effect is missing in the model"),
+         "the simulation error exceeds the noise, so the model lacks an effect of the axis"),
         ("info", bool(compared),
          f"effects tested by the simulation error of held-out pieces [rad/s]: {compared}"),
         ("info", len(log.y) < len(record.time),
@@ -109,13 +109,12 @@ def judged(search: Search, best: Fit, chosen: Fit, record: Record) -> list[Findi
 
 def _changed(chosen: Fit) -> Iterator[tuple[Kind, bool, str]]:
     """Yield a finding on the most significant change within the log, with a remedy."""
-    setup, fitted, good = chosen.setup, chosen.fitted, chosen.fitted.good
-    names, period = (*setup.names, *setup.beside, "delay", "offset"), setup.log.period
-    rows = [*range(len(names) - 2), -1, -2]
-    size = np.r_[fitted.z[rows[:-2]], period, 1.0]
-    J = (fitted.gradient[rows] * size[:, None])[:, good].T
+    fitted, good, period = chosen.fitted, chosen.fitted.good, chosen.setup.log.period
+    size = chosen.estimates.loc["value"].to_numpy().copy()
+    size[-2:] = period, 1.0
+    J = (fitted.gradient[chosen.rows] * size[:, None])[:, good].T
     time: Any = period * np.flatnonzero(good)
-    for one in changes_in(time, fitted.white[good], J, names)[0][:1]:
+    for one in changes_in(time, fitted.white[good], J, [*chosen.estimates][:-2])[0][:1]:
         k = round(one.time / period)
         part = f"one part of the log with --rows 0:{k} or --rows {k}:"
         if one.kind == "drift":
@@ -128,15 +127,14 @@ def _unseen(chosen: Fit) -> Iterator[tuple[Kind, bool, str]]:
     """Yield a finding on each parameter that the log does not determine, with a remedy."""
     names, model = chosen.setup.names, chosen.setup.model
     ends, shapes = chosen.stuck, model.law_parameters - {"f_c"}
-    share = chosen.deviations / np.maximum(abs(chosen.fitted.z), 1e-300)
-    unseen = {
-        name: one
-        for name, one in zip(names, share.tolist(), strict=False)
-        if name not in shapes and (name in ends or one >= BLIND)
-    }
+    unseen = dict[str, float]()
+    for name in (name for name in names if name not in shapes):
+        value, sd = chosen.estimates[name]
+        if name in ends or sd >= BLIND * abs(value):
+            unseen[name] = float(sd) / max(abs(value), 1e-300)
     if len(unseen) > 2 and len(unseen) >= len(names) - 1:
         text = (
-            f"the log determines none of {', '.join(names)}. The excitation is too small or too "
+            f"the log determines none of {', '.join(names)}. The excitation is too weak or too "
             "slow for this model. Try a model with fewer masses, such as --model one_mass"
         )
         yield "problem", True, text
@@ -157,18 +155,16 @@ def _unseen(chosen: Fit) -> Iterator[tuple[Kind, bool, str]]:
 def _summed(chosen: Fit, name: str) -> str:
     """Return another parameter if the log determines only its sum with the parameter `name`.
 
-    In this case, the estimates of both parameters have a correlation near −1 and equal standard
-    deviations. The result is an empty string if there is no such parameter, or if `name` is an
-    inertia or a stiffness, which cannot be 0.
+    The log determines only the sum of two parameters if the variance of the sum is much smaller
+    than the variance of each parameter. The result is an empty string if no other parameter meets
+    this condition, or if `name` is an inertia or a stiffness, which cannot be 0.
     """
-    names, covariance = chosen.setup.names, chosen.fitted.covariance
-    i = names.index(name)
-    for j, other in enumerate(names):
-        variance, both = covariance[i, i], covariance[i, j]
-        opposite = both < -APART * np.sqrt(variance * covariance[j, j])
-        if name[0] not in "Jk" and opposite and abs(both / variance + 1) < 1 - APART:
-            return other
-    return ""
+    names = chosen.setup.names
+    i, covariance = names.index(name), chosen.fitted.covariance[: len(names), : len(names)]
+    sums = covariance[i, i] + 2 * covariance[i] + np.diag(covariance)
+    other = int(np.argmin(sums))
+    known = sums[other] < KNOWN * covariance[i, i]
+    return names[other] if known and name[0] not in "Jk" else ""
 
 
 def unlike(fit: Fit, usual: float | None) -> str:
@@ -180,9 +176,9 @@ def unlike(fit: Fit, usual: float | None) -> str:
     Parameters
     ----------
     fit : Fit
-        Simulation of the log with the axis.
+        Simulation of the log with the identified axis.
     usual : float or None
-        Expected simulation error [rad/s], or None if it is unknown.
+        Expected simulation error [rad/s], or None if the expected error is unknown.
     """
     expected = MATCHED + POOR if usual is None else 100 * (1 - usual / fit.size)
     if fit.percent > 0 and (fit.percent >= expected - POOR or fit.left <= (usual or 0.0)):

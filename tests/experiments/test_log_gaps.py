@@ -7,11 +7,10 @@ import pytest
 
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.logs.axis_file import find_axis
-from flexaxis.experiments.logs.fit import held_out
+from flexaxis.experiments.logs.fit import UNKNOWN, Setup, held_out
 from flexaxis.experiments.logs.identify import identify
 from flexaxis.experiments.logs.importing import import_log
-from flexaxis.experiments.logs.setup import Setup
-from flexaxis.experiments.logs.signals import UNKNOWN, log_of
+from flexaxis.experiments.logs.signals import log_of
 from flexaxis.experiments.logs.units import write_log
 from flexaxis.sim.simulate import simulate
 
@@ -53,8 +52,8 @@ def test_parameters_are_those_of_a_log_without(scenario, truth, tmp_path):
 def test_of_many_gaps_the_longest_begin_a_stretch(scenario, number, tmp_path):
     axis = find_axis("two_mass")
     log = log_of(of_gaps(scenario, number, tmp_path / "log.csv"), axis)
-    assert 1 < len(log.begins(3, 4)) <= 1 + UNKNOWN // 3
-    setup = Setup(log, axis.model, NAMES, delay=0.0)
+    setup = Setup(log, axis.model, NAMES, delay=4 * log.period)
+    assert 1 < len(setup.begins) <= 1 + UNKNOWN // 3
     held = held_out(setup)  # what comes at once behind a gap is fitted
     assert all(not held[begin : begin + 3].any() for begin in setup.begins)
     assert 0.05 * len(held) < held.sum() < 0.3 * len(held)

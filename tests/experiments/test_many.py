@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 
 import flexaxis as fx
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.logs.many import find_logs
+from flexaxis.experiments.logs.identify import find_logs
 
 T, N, J = 0.005, 1200, 0.01
 AXIS = f"""model = "one_mass"
