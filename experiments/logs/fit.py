@@ -1,10 +1,7 @@
-"""Fit candidate models without held-out samples, and fit the best model to the whole log.
+"""Fit a model to a log, and compute the simulation error and the standard deviations of the fit.
 
-The fit of a candidate minimises the simulation error. If the simulation error is only noise, the
-model is adequate. The final fit of an adequate model minimises whitened prediction errors, because
-the resulting estimates have the smallest variance. If the simulation error is larger than the
-noise, a noise model would hide the deficiencies of the axis model. The final fit of such a model
-minimises the simulation error.
+A candidate model is fitted without the held-out pieces of the log. The simulation error in the
+held-out pieces shows whether the model is adequate, and which of two models is better.
 """
 
 from __future__ import annotations
@@ -20,7 +17,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from flexaxis.estimators.models.model import Model
-from flexaxis.estimators.offline.prediction_error import ROUNDS, Fitted, Problem, jackknife, pieces
+from flexaxis.estimators.offline.prediction_error import Fitted, Problem, jackknife, pieces
 from flexaxis.estimators.offline.trajectory import Trajectory
 from flexaxis.estimators.signals import SIGNALS
 from flexaxis.experiments.logs.signals import CLEAR, Log, gaps_of, liveliest, noise_of
@@ -332,13 +329,3 @@ def held_out(setup: Setup) -> Flags:
     for begin, end in pairwise([*setup.begins[1:], len(held)]):
         held[begin : begin + round(AGAIN * (end - begin))] = False
     return held
-
-
-def answer(best: Fit) -> Fit:
-    """Fit the model of the best candidate to the whole log.
-
-    If the model is adequate, the fit minimises whitened prediction errors. If the model is
-    incomplete, the fit minimises the simulation error.
-    """
-    rounds = 0 if best.lacks else ROUNDS
-    return Fit(best.setup, best.setup.solve(best.fitted.z, rounds=rounds))

@@ -1,4 +1,10 @@
-"""Identify the parameters of an axis from one log, or compare its parameters in many logs."""
+"""Identify the parameters of an axis from one log, or compare its parameters in many logs.
+
+If the simulation error of the best model is only noise, the model is adequate. The final fit of an
+adequate model minimises whitened prediction errors, because the resulting estimates have the
+smallest variance. If the simulation error is larger than the noise, a noise model would hide the
+deficiencies of the axis model. The final fit of such a model minimises the simulation error.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +24,7 @@ from flexaxis.estimators.offline.structure import matrices
 from flexaxis.experiments.logs.axis_file import Axis
 from flexaxis.experiments.logs.changes import Explained, clause, explain
 from flexaxis.experiments.logs.findings import Finding, LogError, texts_of
-from flexaxis.experiments.logs.fit import Fit, Setup, answer
+from flexaxis.experiments.logs.fit import Fit, Setup
 from flexaxis.experiments.logs.importing import import_log
 from flexaxis.experiments.logs.read import open_log
 from flexaxis.experiments.logs.search import FRICTION, LAWFUL, Search
@@ -147,7 +153,8 @@ def identify(
 
 def _result(search: Search, axis: Axis, record: Record) -> Identification:
     best = search.result()
-    chosen = answer(best)
+    rounds = 0 if best.lacks else ROUNDS
+    chosen = Fit(best.setup, best.setup.solve(best.fitted.z, rounds=rounds))
     setup, fitted, found = chosen.setup, chosen.fitted, chosen.found
     _check_rate(found.model, setup.log.period)
     known = chosen.estimates.drop(columns=["delay", "offset"])

@@ -138,7 +138,8 @@ class Search:
         impulse = log.period * np.convolve(log.u, np.ones(window), "valid")
         k_T = abs(self.setup.model.nominal.get("k_T", 1.0))
         gain = np.std(impulse) / np.std(log.y[window:] - log.y[:-window])
-        return {"J_m": k_T * gain, "f_m": 0.1 * k_T * np.std(log.u) / np.std(log.y)}
+        damping = 0.1 * k_T * np.std(log.u) / np.std(log.y)
+        return {"J_m": float(k_T * gain), "f_m": float(damping)}
 
     def _rubbed(self, best: Fit) -> Fit:
         """Add dry friction if the options require it, or if it improves the simulation."""
