@@ -4,6 +4,7 @@ If the simulation error of the best model is only noise, the model is adequate. 
 adequate model minimises whitened prediction errors, because the resulting estimates have the
 smallest variance. If the simulation error is larger than the noise, a noise model would hide the
 deficiencies of the axis model. The final fit of such a model minimises the simulation error.
+If a parameter then reaches a bound, the final fit is repeated with whitened prediction errors.
 """
 
 from __future__ import annotations
@@ -153,8 +154,10 @@ def identify(
 
 def _result(search: Search, axis: Axis, record: Record) -> Identification:
     best = search.result()
-    rounds = 0 if best.lacks else ROUNDS
-    chosen = Fit(best.setup, best.setup.solve(best.fitted.z, rounds=rounds))
+    for rounds in (0, ROUNDS) if best.lacks else (ROUNDS,):
+        chosen = Fit(best.setup, best.setup.solve(best.fitted.z, rounds=rounds))
+        if not chosen.stuck:
+            break
     setup, fitted, found = chosen.setup, chosen.fitted, chosen.found
     _check_rate(found.model, setup.log.period)
     known = chosen.estimates.drop(columns=["delay", "offset"])
