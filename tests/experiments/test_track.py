@@ -11,6 +11,7 @@ J, F, T, N = 0.01, 0.05, 0.004, 5000  # of one mass, k_T = 1; s; samples
 TIME = T * np.arange(N)
 AXIS = f"""model = "one_mass"
 noise = 0.05
+error = 0.05
 rate = {1 / T}
 [nominal]
 k_T = 1.0
