@@ -3,6 +3,6 @@
 The module `scenario` defines a run, and the module `simulate` runs a scenario for a batch of seeds.
 A simulation returns a `record` with the measured torque, the measured motion and the true values.
 The package `tables` defines the tables of a scenario, and the module `conflicts` checks a scenario.
-The package `plant` contains the MuJoCo model and the control loop. The module `files` reads text
-files, and writes all kinds of files. No module of this package imports an estimator.
+The package `plant` contains the MuJoCo model and the control loop. The module `files` reads and
+writes files. No module of this package imports an estimator.
 """

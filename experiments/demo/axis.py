@@ -68,9 +68,9 @@ class LiveAxis:
     noise : float
         Standard deviation of the motor speed noise [rad/s].
     excitation : {"on", "stop-and-go", "off"}
-        Mode of the reference. If the mode is "on", the reference moves all the time. If the mode is
-        "stop-and-go", motion and standstill alternate. If the mode is "off", the reference keeps
-        its last value.
+        Mode of the reference. If `excitation` is "on", the reference moves all the time. If
+        `excitation` is "stop-and-go", motion and standstill alternate. If `excitation` is "off",
+        the reference keeps its last value.
     """
 
     def __init__(self, *, seed: int = 0) -> None:
@@ -114,7 +114,7 @@ class LiveAxis:
 
     @property
     def state(self) -> Array:
-        """State: twists of gear and arm [rad], and speeds of motor, gear and arm [rad/s]."""
+        """State of the axis: two joint twists [rad], and speeds of motor, gear and arm [rad/s]."""
         motor, gear, arm = self.angles
         return np.array([self.parameters.r * motor - gear, gear - arm, *self._plant.speeds[0]])
 

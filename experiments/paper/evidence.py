@@ -29,8 +29,8 @@ Method = str | tuple[float, ...]
 FAULTS = {"k_T": ("kt_step-v1", 0.97), "1/J_a": ("ja_step-v1", 1.02), "f_m": ("fm_step-v1", 1.1)}
 """Scenario with a step of each parameter, and factor of a smaller step, keyed by parameter.
 
-A smaller step multiplies k_T, J_a or f_m by the factor. Each smaller step is small enough for
-linear theory, but its effect is much larger than the noise.
+Each smaller step multiplies k_T, J_a or f_m by its factor. The smaller steps are small enough for
+linear theory, but their effects are much larger than the noise.
 """
 PAUSE = (10.0, 30.0)
 """Start and end time of the standstill in the scenario that demonstrates windup [s]."""

@@ -143,10 +143,11 @@ class Measures(Evidence):
         return np.diag(self.Q)
 
     def power_over_spectrum(self) -> Array:
-        """Return the ratio of the gradient power in the time domain to the frequency domain.
+        """Compare the gradient power in the time domain with its value in the frequency domain.
 
         The gradient power is the mean of ψ² in the time domain, and the integral of |G_θ|² Φ_u in
-        the frequency domain. The returned ratio is from the run with the largest deviation.
+        the frequency domain. The method returns the ratio of both values in the run in which they
+        differ most.
         """
         ratios = []
         for record in self.records("nominal"):

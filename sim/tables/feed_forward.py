@@ -38,14 +38,14 @@ class AdaptConfig(Config):
     smooth : float
         Speed v₀ [rad/s]. Below v₀, a smooth function replaces the sign of the desired speed.
     limit : float
-        Largest factor between an estimate and the nominal parameter value, upwards or downwards,
-        for all parameters except the torque constant. The feed-forward clips each estimate that
-        differs by a larger factor. If the nominal value of a parameter is 0, the feed-forward
-        ignores the estimate of the parameter.
+        Largest factor by which an estimate can lie above or below its nominal value, for all
+        parameters except the torque constant. The feed-forward clips each estimate that differs
+        from its nominal value by a larger factor. If the nominal value of a parameter is 0, the
+        feed-forward ignores the estimate of the parameter.
     gain : float
-        Largest factor between the estimated and the nominal torque constant, upwards or downwards.
-        The estimated torque constant scales the loop gain, so `gain` must be smaller than the gain
-        margin of the control loop.
+        Largest factor by which the estimated torque constant can lie above or below its nominal
+        value. The estimated torque constant scales the loop gain, so `gain` must be smaller than
+        the gain margin of the control loop.
     """
 
     friction: bool = True

@@ -63,7 +63,7 @@ class Nonlinearity(Config):
 def substeps(features: Iterable[Nonlinearity], period: float, *, least: int = 1) -> int:
     """Return the number of simulation steps that all nonlinear effects require per period.
 
-    The result is at least `least` simulation steps per 5 ms, converted to the given period.
+    The argument `least` is a lower limit for the number of simulation steps per 5 ms.
 
     Examples
     --------
