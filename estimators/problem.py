@@ -36,7 +36,7 @@ Nominal = Mapping[str, float] | Model
 @dataclass(frozen=True, eq=False)
 class Problem:
     """
-    A problem that an estimator has to solve.
+    A parameter estimation problem, which an estimator has to solve.
 
     Parameters
     ----------

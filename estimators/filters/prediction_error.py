@@ -61,7 +61,7 @@ class Recursion(NamedTuple):
     theta : (p,) array
         Estimate of the relative parameters η.
     X : (n+1, lanes) array
-        States and output, and their derivatives with respect to η.
+        States and output, and the derivatives of both with respect to the relative parameters η.
     drift : (p, p) array
         Drift covariance Δ that every time update adds to P.
     lower, upper : (p,) arrays

@@ -42,8 +42,8 @@ def plan(
     normalised substep length x = ρT/s therefore does not depend on the units. The sensitivities
     have the largest truncation error. For the normalised substep length x, the truncation error of
     the sensitivities after m terms is below Σ_{k>m} k·x^(k−1)/k! = Σ_{k≥m} x^k/k!. For a chain of n
-    integrators, a suitable choice of units makes the norm arbitrarily small, but the series is
-    exact only after 2(n+1) terms.
+    integrators, a suitable choice of units makes the matrix norm arbitrarily small, but the series
+    is exact only after 2(n+1) terms.
 
     For a model with nonlinear torques, the series has a larger tolerance, because the solution for
     the nonlinear torques is also less accurate. The accuracy of the series is guaranteed if each

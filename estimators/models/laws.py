@@ -200,7 +200,7 @@ class Law:
         Formulas that multiply the torque F in the state derivatives, keyed by state name. For
         example, the formula ``"-1/J_m"`` belongs to a torque that brakes the motor.
     parameters : mapping of str to (str or float)
-        Names of model parameters, or numerical values, keyed by role. A parameter role that is not
+        Names of model parameters, or numerical values, keyed by role. A parameter whose role is not
         listed has the value 0.
 
     Raises

@@ -189,8 +189,8 @@ class Problem:
 
         The method also returns a flag, which is True if the search has converged. The search has
         converged if the distance to the minimum is at most ``near`` standard deviations. The search
-        has also converged if a step reduces the misfit by no more than a step of ``near`` standard
-        deviations would.
+        has also converged if the square root of the decrease of −2 log-likelihood in a step is at
+        most ``near``.
         """
         for _ in range(most):
             if not np.isfinite(at.square):
@@ -212,7 +212,7 @@ class Problem:
         self, z: Array, *, rounds: int = 0, most: int = EVALUATIONS, near: float = CONVERGED
     ) -> Fitted:
         """
-        Fit the unknowns for white noise, and then alternate between noise model and unknowns.
+        Fit the unknowns for white noise, then alternately fit the noise model and the unknowns.
 
         Parameters
         ----------

@@ -274,7 +274,7 @@ def drift_for(
         Desired time constants τ_i [s], which must be much longer than the time constants of the
         axis.
     Q : (p, p) array_like
-        Matrix E ψψᵀ for the nominal parameters.
+        Matrix Q = E ψψᵀ of the gradient ψ at the nominal parameters.
     period : float
         Sampling period T [s].
     coupled : bool

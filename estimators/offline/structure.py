@@ -47,7 +47,8 @@ class Sizes:
         Torque of the law that would accelerate the axis as much as the rms motor torque does.
     rate : float
         Rms value of the derivative of the driving variable, divided by the rms value of the driving
-        variable. The rate is at least the rate of the fastest mode of the model [1/s].
+        variable. The attribute ``rate`` is at least the rate of the fastest mode of the model
+        [1/s].
     """
 
     drive: float
