@@ -14,7 +14,7 @@ REFERENCE = "rpem-forgetting"
 MATCHED, QUIETER, NOISIER = "matched", "quieter", "noisier"
 CONTROLS = ("frozen", "oracle-reset")  # baselines, which are not ranked
 AT_MOST = {QUIETER: "≤ ", NOISIER: "≥ "}
-"""Inequality sign before a lag if the noise is not matched; `AT_LEAST` is for scores."""
+"""Inequality signs for lags at unmatched noise; `AT_LEAST` contains the signs for scores."""
 AT_LEAST = {QUIETER: "≥ ", NOISIER: "≤ ", "mixed": "about "}
 LEVEL = 0.05  # probability that at least one of several equally good estimators is ranked as worse
 

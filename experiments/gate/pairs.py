@@ -48,9 +48,9 @@ class Paired:
         The value is NaN for runs in which either estimator diverged or lacks the score. The column
         ``scale`` is NaN if ratios are compared.
     lost : DataFrame
-        One row per scenario and seed. The four columns, such as ``"diverged base"``, are true for
-        lost runs. A run that diverged for either estimator does not count as a run that never
-        settled.
+        Table that marks lost runs, with one row per scenario and seed. The four columns, such as
+        ``"diverged base"``, are true for lost runs. A run that diverged for either estimator does
+        not count as a run that never settled.
     gaps : sequence of Gap
         Missing results of the base or the candidate.
     estimated : mapping of side to set of str
@@ -137,7 +137,7 @@ def _lacking(sides: Mapping[str, pd.DataFrame]) -> list[Gap]:
 
 
 def _lost(both: pd.DataFrame) -> pd.DataFrame:
-    """Return a table of lost runs per estimator, for all parameters that both of them estimate."""
+    """Return a table that marks lost runs per estimator, for parameters that both estimate."""
     columns = [f"{way} {side}" for way in LOST for side in SIDES]
     lost = both.groupby(CASE)[columns].any()
     lost[columns[2:]] &= ~lost[columns[:2]].any(axis=1).to_numpy()[:, None]

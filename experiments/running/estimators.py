@@ -261,7 +261,10 @@ def make_estimator(spec: Spec, nominal: Any, period: float, **known: Any) -> Est
                 raise
             raise EstimatorError(f"{spec.text}: {error}") from error  # an option was refused
         if not isinstance(estimator, Estimator) or not len(estimator.names):
-            raise EstimatorError(f"{spec.text}: an estimator needs `names`, `output` and `step`")
+            raise EstimatorError(
+                f"{spec.text}: an estimator needs the attributes `names` and `output`, and the "
+                "method `step`"
+            )
     return estimator
 
 

@@ -62,8 +62,8 @@ class Score:
         smaller scores by `zero` before ratios are computed.
     guard : bool
         Whether the score can be negative. Ratios of negative scores have no meaning, so `compare`
-        uses differences between absolute means, divided by the noise. For a score that can be
-        negative, the command reports only an increase.
+        uses differences between absolute means, divided by the standard deviation of the base
+        estimator. For a score that can be negative, the command reports only an increase.
     shared : bool
         Whether the score is the same for all parameters of a run. A shared score is computed only
         once per run.
