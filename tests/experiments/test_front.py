@@ -100,7 +100,7 @@ def test_an_estimate_is_that_of_a_case_and_can_be_drawn(short):
 def test_an_own_class_estimates(short):
     record = fx.simulate(short)
     assert fx.estimate(record, Still).last == {"f_m": 0.05}
-    with pytest.raises(EstimatorError, match="An instance of a class does not work"):
+    with pytest.raises(EstimatorError, match="An instance of a class is not accepted"):
         fx.estimate(record, Still(short.nominal.as_dict(), 0.005))
     results = fx.benchmark([Still, "frozen"], scenarios=[short], seeds=range(2), time_limit=60.0)
     assert set(results.to_dataframe()["estimator"]) == {text_of(Still), "frozen"}
