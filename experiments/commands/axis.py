@@ -32,8 +32,8 @@ def import_(args: Args) -> int:
     """Convert a log of your own axis to a record, and check the data quality.
 
     LOG is a text table, or a file in MAT (all versions), HDF5 or NetCDF format. The command checks
-    time stamps, gaps, angle wrapping, clipping, update rates, units, resolution, outliers, the type
-    of the torque signal, and signs. For each problem, the command prints an option that solves the
+    time stamps, gaps, angle wrapping, clipping, update rates, units, outliers, the type of the
+    torque signal, and signs. For each problem, the command prints an option that solves the
     problem.
 
     example:

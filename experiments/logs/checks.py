@@ -11,14 +11,7 @@ from scipy.ndimage import median_filter
 from flexaxis.experiments.logs.axis_file import output_of, valid_of
 from flexaxis.experiments.logs.findings import Finding, LogError
 from flexaxis.experiments.logs.mapping import Raw
-from flexaxis.experiments.logs.signals import (
-    LONGEST,
-    Array,
-    Flags,
-    gaps_of,
-    resolution,
-    rhythm,
-)
+from flexaxis.experiments.logs.signals import LONGEST, Array, Flags, gaps_of, rhythm
 from flexaxis.experiments.logs.spectra import spectra
 from flexaxis.experiments.logs.units import SI
 from flexaxis.sim.record import Record
@@ -35,13 +28,10 @@ SECONDS = 0.02  # sampling period [s] above which its unit may be ms, because 0.
 WINDOW, USUAL = 7, 95.0  # window length in samples (at most 3 outliers); percentile of usual values
 FAR, STEPS = 10.0, 5.0  # factors on the usual distance from the median and on the usual move
 JITTER = 0.07  # minimum scatter of the time steps that is reported, in sampling periods
-COARSE = 0.05  # minimum encoder step that is reported, relative to the rms move per sample
 SAME = 0.15  # maximum relative difference between a measured ratio and the factor of a unit
 STANDS = 0.5  # minimum fraction of samples of a held torque that equal the previous sample
 LOWEST = 0.1  # fraction of the power of the torque that counts as low-frequency
-_TURN = 2 * np.pi
-RATIOS = {"speed=rpm": 60 / _TURN, "speed=deg/s": 360 / _TURN, "speed=rev/s": 1 / _TURN,
-          "angle=deg": _TURN / 360}  # fmt: skip
+RATIOS = {"speed=rpm": 9.55, "speed=deg/s": 57.3, "speed=rev/s": 0.159, "angle=deg": 0.01745}
 """Ratio of speed to slope of the angle, if a signal in the unit of the key is read as SI."""
 OTHERS = {"time": "ms or us", "angle": "deg, rev or mm", "speed": "rpm, deg/s or mm/s"}
 """Common units of each signal, other than the unit that flexaxis assumes."""
@@ -49,8 +39,8 @@ _MEASURED = re.compile(r"meas|actual|\bact\b|_act|current|_ad|feedback|\bi_?q\b|
 _COMMAND = re.compile(r"ref|cmd|command|set|desired|demand|target", re.I)
 
 
-def examine(raw: Raw, record: Record, remarks: list[str]) -> tuple[Finding, ...]:
-    """Return the findings of all checks of a log.
+def examine(raw: Raw, record: Record) -> tuple[Finding, ...]:
+    """Return the findings of all checks of a log, after `refuse_nonsense` has checked the units.
 
     If the motion has outliers, the signs are not checked, because outliers hide the relation
     between torque and motion.
@@ -61,22 +51,20 @@ def examine(raw: Raw, record: Record, remarks: list[str]) -> tuple[Finding, ...]
         Signals of the log at the logged sampling times.
     record : Record
         Record of the log with even sampling.
-    remarks : list of str
-        Sentences on rows of the log that were omitted.
     """
+    refuse_nonsense(raw, record)
     motion = raw.signals[raw.motion]
     known = np.isfinite(motion)
     times = raw.time[known][outliers(motion[known])]
     torque = "the torque is {torque} between samples ({torque_because})".format(**record.versions)
-    if raw.unit.get("torque") in ("V", "mV"):
+    if "V" in raw.unit.get("torque", ""):
         torque += ". The torque column contains a voltage, so f_m includes damping by back-EMF"
     rows = {
-        "time stamps": time_stamps(raw, record, remarks),
+        "time stamps": time_stamps(raw, record),
         "wrapping of the angle": wrapping(raw),
         "clipping of the torque": clipping(raw.signals["torque"]),
         "clocks": clocks(raw, record.period),
         "units": units(raw, record.period),
-        "resolution": coarse(raw, motion[known]),
         "torque between samples": ("info", torque),
         "outliers of the motion": outlying(raw.motion, times),
         "signs of torque and motion": None if len(times) else sign(record),
@@ -84,12 +72,12 @@ def examine(raw: Raw, record: Record, remarks: list[str]) -> tuple[Finding, ...]
     return tuple(Finding(row[0], row[1], name, *row[2:]) for name, row in rows.items() if row)
 
 
-def time_stamps(raw: Raw, record: Record, remarks: list[str]) -> Row:
+def time_stamps(raw: Raw, record: Record) -> Row:
     """Return a finding on the sampling rate, corrected time stamps and missing samples."""
     valid, rate = valid_of(record), 1 / record.period
-    missing, gaps = 100 * float(np.mean(~valid)), np.diff(gaps_of(valid))
+    missing, gaps = 100 * np.mean(~valid), np.diff(gaps_of(valid))
     steps = np.diff(raw.time) / np.median(np.diff(raw.time))
-    texts = [f"{rate:.6g} Hz, {len(valid)} samples, {len(valid) / rate:.4g} s", *remarks]
+    texts = [f"{rate:.6g} Hz, {len(valid)} samples, {len(valid) / rate:.4g} s"]
     if len(gaps):
         texts.append(
             f"{missing:.2g} % of the samples are missing (number of gaps: {len(gaps)}, longest "
@@ -110,7 +98,7 @@ def wrapping(raw: Raw) -> Row | None:
     """Return a finding if the angle was unwrapped, or if it moves too fast to be unwrapped."""
     if not raw.turn:
         return None
-    fastest = float(np.nanmax(np.abs(np.diff(raw.signals["angle"])))) / raw.turn
+    fastest = np.nanmax(abs(np.diff(raw.signals["angle"]))) / raw.turn
     if fastest < WRAPS:
         return "info", f"the angle wraps every {raw.turn:.6g} rad, so flexaxis unwrapped the angle"
     text = (
@@ -125,7 +113,7 @@ def clipping(u: Array) -> Row:
     """Return a finding that states whether successive torques u (N,) are at the same limit."""
     u = u[np.isfinite(u)]
     limit = (u == u.max()) | (u == u.min())
-    share = 100 * float(np.mean(limit[2:] & limit[1:-1] & limit[:-2]))
+    share = 100 * np.mean(limit[2:] & limit[1:-1] & limit[:-2])
     if not share or len(np.unique(u)) <= LEVELS:
         return "ok", "the torque is not clipped"
     text = (
@@ -139,6 +127,9 @@ def clipping(u: Array) -> Row:
 
 def clocks(raw: Raw, period: float) -> Row:
     """Return a finding on signals whose samples are repeated or interpolated between updates."""
+    if raw.every > 1:
+        text = f"torque and {raw.motion} were interpolated, so flexaxis uses only every "
+        return "note", text + f"{raw.every}th row"
     every = {name: rhythm(raw.signals[name]) for name in ("torque", raw.motion)}
     # a torque that is held for several samples is harmless
     slow = {n: k for n, (k, _, lines) in every.items() if k > 1 and (lines or n != "torque")}
@@ -151,19 +142,6 @@ def clocks(raw: Raw, period: float) -> Row:
         "rate"
     )
     return "problem", text, f"--resample {1 / period / n:.6g}"
-
-
-def coarse(raw: Raw, motion: Array) -> Row | None:
-    """Return a finding on the steps of a coarse encoder, which cause noise but no model error."""
-    name, step = raw.motion, resolution(motion)
-    if step < COARSE * float(np.sqrt(np.mean(np.diff(motion) ** 2))):
-        return None
-    turn = f" ({_TURN / step:.4g} a turn)" if name == "angle" and not raw.linear else ""
-    return (
-        "info",
-        f"the {name} has steps of {step:.4g} {SI[name]}{turn}, which cause most of the noise of "
-        "this signal",
-    )
 
 
 def units(raw: Raw, period: float) -> Row:
@@ -194,7 +172,7 @@ def refuse_nonsense(raw: Raw, record: Record) -> None:
     ok, motion = valid_of(record), raw.motion
     if record.increment is not None and record.speed is not None:
         slope, speed = record.increment[ok], record.speed[ok]
-        ratio = abs(float(slope @ speed / (slope @ slope)))
+        ratio = abs(slope @ speed / (slope @ slope))
         for unit, usual in RATIOS.items():
             if abs(ratio / usual - 1) < SAME:
                 raise LogError(
@@ -202,7 +180,7 @@ def refuse_nonsense(raw: Raw, record: Record) -> None:
                     f"these two signals is wrong. Give --unit {unit}, or correct the unit of the "
                     "other signal"
                 )
-    fast = float(np.percentile(abs(output_of(record)[1][ok]), USUAL))
+    fast = np.percentile(abs(output_of(record)[1][ok]), USUAL)
     if fast > FASTEST and motion not in raw.unit:
         raise LogError(
             f"in the assumed units, the motor would turn at {fast:.3g} rad/s. Is the {motion} in "
@@ -241,10 +219,10 @@ def outliers(x: Array) -> Flags:
     >>> np.flatnonzero(outliers(motion)).tolist()
     [500]
     """
-    distance, moves = np.abs(x - median_filter(x, WINDOW, mode="nearest")), np.abs(np.diff(x))
+    distance, moves = abs(x - median_filter(x, WINDOW, mode="nearest")), abs(np.diff(x))
     # an axis may rest most of the time, so samples without a move are ignored
-    step = float(np.percentile(moves[moves > 0], USUAL))
-    return distance > max(FAR * float(np.percentile(distance, USUAL)), STEPS * step)
+    step = np.percentile(moves[moves > 0], USUAL)
+    return distance > max(FAR * np.percentile(distance, USUAL), STEPS * step)
 
 
 def sign(record: Record) -> Row:
@@ -258,7 +236,7 @@ def sign(record: Record) -> Row:
     s = spectra(u[ok], speed[ok], T)
     low = np.cumsum(s.torque) - s.torque < LOWEST * s.torque.sum()
     faster = s.torque * s.gain * (np.exp(1j * s.omega * T) - 1)
-    along = float((faster[low] * np.exp(-0.25j * np.pi)).sum().real)
+    along = (faster[low] * np.exp(-0.25j * np.pi)).sum().real
     # torque k acts on [t_k, t_{k+1}), so its power is computed from the mean speed in that interval
     moving = speed[1:] if output == "increment" else speed[1:] + speed[:-1]
     if along >= 0 or (u[:-1] * moving)[ok[:-1]].sum() >= 0:
@@ -280,10 +258,9 @@ def torque_kind(raw: Raw, stated: str | None, column: str) -> tuple[str, str]:
     if len(np.unique(u)) <= LEVELS or np.mean(np.diff(u) == 0) > STANDS:
         return "held", "because the log repeats values"
     measured = _MEASURED.search(column) and not _COMMAND.search(column)
-    kind, other = ("smooth", "a command") if measured else ("held", "a measured current")
-    option = "--torque-is held" if measured else "--torque-is smooth"
-    because = (
-        f"assumed from the column name {column}; if the column contains {other}, give {option}, "
-        "or the delay will have an error of half a sample"
+    kind, other = ("smooth", "held") if measured else ("held", "smooth")
+    return kind, (
+        f"assumed from the column name {column}; a command is held, and a measured current is "
+        f"smooth; if the assumption is wrong, give --torque-is {other}, or the delay will have an "
+        "error of half a sample"
     )
-    return kind, because

@@ -13,8 +13,7 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import butter, sosfiltfilt
 from scipy.stats import linregress
 
-from flexaxis.experiments.logs.axis_file import output_of
-from flexaxis.experiments.logs.checks import examine, refuse_nonsense, torque_kind
+from flexaxis.experiments.logs.checks import examine, torque_kind
 from flexaxis.experiments.logs.findings import Finding, LogError, checked
 from flexaxis.experiments.logs.mapping import LogMap, Raw, pick
 from flexaxis.experiments.logs.read import open_log
@@ -86,10 +85,9 @@ def import_log(path: Path, *, burn_in: float | None = None, **tables: Any) -> Im
 
 
 def _imported(path: Path, mapping: LogMap) -> Imported:
-    raw, remarks = cleaned(pick(open_log(path, mapping.header), mapping))
+    raw = cleaned(pick(open_log(path, mapping.header), mapping))
     kind, because = torque_kind(raw, mapping.torque_is, mapping.torque or "torque")
     record = _record(*_on_grid(raw, kind == "smooth"), mapping.resample)
-    refuse_nonsense(raw, record)
     unit = raw.unit.get("torque", "")
     if abs(mapping.scale.get("torque", 1.0)) != 1:
         unit = "Nm"
@@ -99,11 +97,11 @@ def _imported(path: Path, mapping: LogMap) -> Imported:
         "torque_unit": {"mA": "A", "mV": "V", "%": "1"}.get(unit, unit),
     }  # fmt: skip
     record = replace(record, versions=about)
-    return Imported(record, examine(raw, record, remarks))
+    return Imported(record, examine(raw, record))
 
 
-def cleaned(raw: Raw) -> tuple[Raw, list[str]]:
-    """Return the original samples of a log with an unwrapped angle, and remarks on omitted rows.
+def cleaned(raw: Raw) -> Raw:
+    """Return the original samples of a log, with an unwrapped angle.
 
     Rows of the log without a time stamp are omitted. If torque and motion were interpolated to a
     faster grid, only the rows with original samples are returned.
@@ -113,9 +111,9 @@ def cleaned(raw: Raw) -> tuple[Raw, list[str]]:
     LogError
         If there are too few samples, or if the time does not increase.
     """
-    raw, remarks = raw.part(np.isfinite(raw.time)), []
+    raw = raw.part(np.isfinite(raw.time))
     for name, values in {"time": raw.time, **raw.signals}.items():
-        if (count := int(np.isfinite(values).sum())) < FEWEST:
+        if (count := np.isfinite(values).sum()) < FEWEST:
             raise LogError(f"{name} has {count} samples, but a log needs at least {FEWEST}")
     back = np.flatnonzero(np.diff(raw.time) <= 0) + 1
     if len(back):
@@ -129,16 +127,13 @@ def cleaned(raw: Raw) -> tuple[Raw, list[str]]:
         )
     n, first, lines = updates = rhythm(raw.signals["torque"])
     if lines and updates == rhythm(raw.signals[raw.motion]):
-        raw = raw.part(slice(first, None, n))
-        remarks = [
-            f"torque and {raw.motion} were interpolated, so flexaxis uses only every {n}th row"
-        ]
+        raw = raw.part(slice(first, None, n))._replace(every=n)
     if raw.motion == "angle":
         angle = raw.signals["angle"]
         known = np.isfinite(angle)
         angle[known], turn = unwrapped(angle[known])
         raw = raw._replace(turn=turn)
-    return raw, remarks
+    return raw
 
 
 def _on_grid(raw: Raw, smooth: bool) -> tuple[Array, dict[str, Array], Flags]:
@@ -149,7 +144,7 @@ def _on_grid(raw: Raw, smooth: bool) -> tuple[Array, dict[str, Array], Flags]:
     steps = np.diff(raw.time)
     places = np.r_[0, np.cumsum(np.maximum(np.rint(steps / np.median(steps)), 1))]
     # a small error of the median of jittered steps would accumulate, so the period is fitted
-    period = float(linregress(places, raw.time).slope)
+    period = linregress(places, raw.time).slope
     index = np.rint((raw.time - raw.time[0]) / period).astype(int)
     if (np.diff(index) <= 0).any() or index[-1] > MOST_GAPS * len(index):
         raise LogError(
@@ -198,17 +193,17 @@ def _record(time: Array, signals: dict[str, Array], valid: Flags, rate: float | 
     rows = np.arange(len(time) // every * every).reshape(-1, every)
     first: dict[str, Any] = {name: values[rows[:, 0]] for name, values in signals.items()}
     first["torque"] = torque = signals["torque"][rows].mean(axis=1)
-    record, valid = Record(time=time[rows[:, 0]], **first), np.all(valid[rows], axis=1)
-    if record.angle is not None:
-        increment = np.diff(record.angle, prepend=record.angle[0]) / record.period
-        record = replace(record, increment=increment)
+    valid, period = np.all(valid[rows], axis=1), every * period
+    if "angle" in first:
+        first["increment"] = np.diff(first["angle"], prepend=first["angle"][0]) / period
         valid = valid & np.r_[True, valid[:-1]]  # an increment is the difference of two samples
-    moving = output_of(record)[1]
+    moving = first["increment" if "angle" in first else "speed"]
     if not (valid.any() and np.ptp(torque[valid]) and np.ptp(moving[valid])):
         raise LogError(
             "torque or motion is constant in all rows that contain both signals. Either a column "
             "is wrong, or the axis did not move"
         )
     resting = np.max(abs(moving[:5])) < RESTING * np.std(moving)
-    burn_in = 0.0 if resting else min(BURN_IN, 0.1 * len(moving) * record.period)
-    return replace(record, valid=None if valid.all() else valid, burn_in=burn_in)
+    burn_in = 0.0 if resting else min(BURN_IN, 0.1 * len(moving) * period)
+    known = None if valid.all() else valid
+    return Record(time=time[rows[:, 0]], valid=known, burn_in=burn_in, **first)

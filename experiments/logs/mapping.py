@@ -7,18 +7,19 @@ from collections.abc import Mapping
 from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
+from pydantic import Field, PositiveFloat, PositiveInt
 
 from flexaxis.experiments.logs.findings import LogError
 from flexaxis.experiments.logs.read import Array, Log
 from flexaxis.experiments.logs.units import COUNTS, ENDING, SI, UNITS, WORDS, spelt
+from flexaxis.sim.tables.config import Config
 
 Signal = Literal["time", "torque", "angle", "speed"]
 
 MOTIONS = ("angle", "speed")
 
 
-class LogMap(BaseModel):
+class LogMap(Config):
     """Options for reading a log.
 
     Attributes
@@ -46,15 +47,13 @@ class LogMap(BaseModel):
         Reduced sampling rate [Hz], which must be an integer fraction of the logged rate.
     """
 
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
-
     time: str | None = None
     torque: str | None = None
     angle: str | None = None
     speed: str | None = None
     rate: PositiveFloat | None = None
-    scale: dict[Signal, Annotated[float, Field(strict=False)]] = {}
-    unit: dict[Signal, str] = {}
+    scale: Mapping[Signal, Annotated[float, Field(strict=False)]] = {}
+    unit: Mapping[Signal, str] = {}
     counts: PositiveFloat | None = None
     torque_is: Literal["held", "smooth"] | None = None
     rows: Annotated[str, Field(pattern=r"^\d*:\d*$")] = ":"
@@ -75,12 +74,15 @@ class Raw(NamedTuple):
         Units of the logged signals. Signals without a stated unit are omitted.
     turn : float
         Range [rad] after which the logged angle wrapped, or 0 if the angle did not wrap.
+    every : int
+        Number of rows of the log per original sample, which is 1 unless the log was interpolated.
     """
 
     time: Array
     signals: Mapping[str, Array]
     unit: Mapping[str, str]
     turn: float = 0.0
+    every: int = 1
 
     def part(self, rows: Any) -> Raw:
         """Return the given rows of the signals."""
@@ -95,8 +97,7 @@ class Raw(NamedTuple):
     @property
     def linear(self) -> bool:
         """Whether the axis is linear, which means that the unit of its motion contains a length."""
-        length = re.compile(r"([numck]?m|in)(/|$)")
-        return any(length.match(self.unit.get(name, "")) for name in MOTIONS)
+        return any(re.match(r"([numck]?m|in)(/|$)", unit) for unit in self.unit.values())
 
 
 def pick(log: Log, mapping: LogMap) -> Raw:
@@ -146,12 +147,15 @@ def _columns(log: Log, mapping: LogMap) -> dict[str, str]:
     If the options state a column for only one of angle and speed, the other signal is ignored. If
     the options state a sampling rate, time columns are ignored.
     """
-    stated = {name: column for name in SI if (column := getattr(mapping, name)) is not None}
+    stated = mapping.model_dump(include={*SI}, exclude_none=True)
+    ignored = MOTIONS if stated.keys() & MOTIONS else ()
     lower = {name.lower(): name for name in reversed([*log.columns])}
-    known = {*stated, *(MOTIONS if stated.keys() & MOTIONS else ())}
-    names = [name for name in SI if name not in known]
-    found = {n: lower[word] for n in names for word in reversed(WORDS[n].split()) if word in lower}
-    chosen = found | stated
+    chosen = {
+        name: lower[word]
+        for name, words in WORDS.items()
+        for word in reversed(words.split())
+        if word in lower and name not in ignored
+    } | stated
     if mapping.rate:
         chosen.pop("time", None)
     wanted = {

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 from markupsafe import Markup
-from numpy.typing import NDArray
 
 from flexaxis.experiments.files import write_text
 from flexaxis.experiments.logs.axis_file import output_of, usable
@@ -19,14 +17,12 @@ from flexaxis.experiments.logs.findings import MARKS, Finding, ordered, texts_of
 from flexaxis.experiments.logs.fit import Fit
 from flexaxis.experiments.logs.identify import Identification, Many
 from flexaxis.experiments.logs.importing import Imported
-from flexaxis.experiments.logs.signals import gaps_of, liveliest
+from flexaxis.experiments.logs.signals import Array, Flags, gaps_of, liveliest
 from flexaxis.experiments.logs.track import Tracked
 from flexaxis.experiments.logs.verdict import unlike
 from flexaxis.experiments.reporting import page
 from flexaxis.experiments.reporting.figures import Series, curves
 from flexaxis.experiments.running.progress import LINE
-
-Array = NDArray[np.float64]
 
 MOST = 4000  # maximum number of points of a curve
 GAPS = 200  # maximum number of gaps that are shaded
@@ -34,8 +30,7 @@ PIECE = 500  # number of samples of a simulation in a figure
 TIMED: dict[str, Any] = {"x": "time [s]"}
 
 
-@dataclass(frozen=True)
-class Chart:
+class Chart(NamedTuple):
     """A figure with a title, a caption (`words`), series for each panel, and plot options."""
 
     title: str
@@ -44,8 +39,7 @@ class Chart:
     options: Mapping[str, Any]
 
 
-@dataclass(frozen=True)
-class LogPage:
+class LogPage(NamedTuple):
     """The content of an HTML page about a log.
 
     Attributes
@@ -70,16 +64,16 @@ class LogPage:
 
     def write(self, path: Path) -> None:
         """Write the page as one HTML file that needs no network connection."""
-        table = ""
-        if self.table is not None:
-            table = Markup(self.table.to_html(border=0, float_format="{:.5g}".format))
-        content = vars(self) | {
+        content = self._asdict() | {
             "figures": [
                 (page.drawn(curves, one.title, one.panels, **one.options), one.words)
                 for one in self.charts
             ],
-            "marks": MARKS, "version": version("flexaxis"), "command": LINE.get(), "table": table,
+            "marks": MARKS, "version": version("flexaxis"), "command": LINE.get(),
         }  # fmt: skip
+        if self.table is not None:
+            html = self.table.to_html(border=0, float_format="{:.5g}".format)
+            content["table"] = Markup(html)
         write_text(path, page.render("logs/templates/log.html", looks={}, **content))
 
 
@@ -90,9 +84,9 @@ def _line(x: Array, y: Array, label: str, role: Any = "data") -> Series:
     return Series(x=x[k], y=y[k], label=label, role=role)
 
 
-def _gaps(time: Array, ok: NDArray[np.bool_]) -> list[tuple[float, float, str]]:
+def _gaps(time: Array, ok: Flags) -> list[tuple[float, float, str]]:
     """Return the time spans of unused samples, for shading in a figure."""
-    return [(float(time[a]), float(time[b - 1]), "not used") for a, b in gaps_of(ok)[:GAPS]]
+    return [(time[a], time[b - 1], "not used") for a, b in gaps_of(ok)[:GAPS]]
 
 
 def import_page(result: Imported, log: str) -> LogPage:
@@ -163,8 +157,10 @@ def track_page(result: Tracked, estimator: str, log: str) -> LogPage:
     log : str
         Name of the log.
     """
-    table = pd.DataFrame({"last": result.last, "nominal": result.nominal}, result.names)
-    table["ratio"] = table["last"] / table["nominal"]
+    columns = {
+        "last": result.last, "nominal": result.nominal, "ratio": result.last / result.nominal,
+    }  # fmt: skip
+    table = pd.DataFrame(columns, result.names)
     part = slice(None, None, max(len(result.time) // MOST, 1))
     two = 0.0 if result.deviations is None else 2 * result.deviations
     sides = (result.theta - two, result.theta, result.theta + two)

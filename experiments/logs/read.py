@@ -11,13 +11,11 @@ from typing import Any, NamedTuple
 import h5py
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from scipy.io import loadmat
 
 from flexaxis.experiments.logs.findings import LogError
+from flexaxis.experiments.logs.signals import Array
 from flexaxis.experiments.logs.units import is_unit
-
-Array = NDArray[np.float64]
 
 PROBE = 1 << 17  # number of bytes at the beginning of a file from which its layout is detected
 COMPARED = 200  # maximum number of lines from which the layout is detected
@@ -80,19 +78,17 @@ def open_log(path: Path, header: int | None = None) -> Log:
             start = b"".join(file.readlines(PROBE))
         if h5py.is_hdf5(path):
             with h5py.File(path) as content:
-                columns = dict(_flattened(content))
-        elif start.startswith(b"MATLAB"):
-            columns = dict(_flattened(loadmat(path, simplify_cells=True)))
-        else:
-            return _csv(path, start, header)
-    except LogError:
-        raise
+                return Log(dict(_flattened(content)), {})
+        if start.startswith(b"MATLAB"):
+            return Log(dict(_flattened(loadmat(path, simplify_cells=True))), {})
+        return _csv(path, start, header)
     except Exception as error:  # for damaged files, the libraries raise many kinds of exceptions
         raise LogError(f"cannot be read: {str(error).strip()}") from error
-    return Log({name: pd.Series(values) for name, values in columns.items()}, {})
 
 
-def _flattened(content: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Array]]:
+def _flattened(
+    content: Mapping[str, Any], before: str = ""
+) -> Iterator[tuple[str, pd.Series[float]]]:
     """Yield the names and values of columns of nested structures.
 
     The elements of an array of structures are named after their field ``Name`` or ``label``.
@@ -108,12 +104,12 @@ def _flattened(content: Mapping[str, Any], before: str = "") -> Iterator[tuple[s
         if isinstance(item, Mapping):
             yield from _flattened(item, f"{before}{name}.")
             continue
-        array = np.squeeze(np.asarray(item))
+        array = np.squeeze(item)
         if array.dtype.kind in "fiub" and array.ndim in {1, 2}:
             rows = np.atleast_2d(array).astype(float)
             rows = min(rows, rows.T, key=len)  # the longer side is time
             for j, row in enumerate(rows):
-                yield f"{before}{name}" + f"[{j}]" * (len(rows) > 1), row
+                yield f"{before}{name}" + f"[{j}]" * (len(rows) > 1), pd.Series(row)
 
 
 def _csv(path: Path, start: bytes, header: int | None) -> Log:
@@ -125,7 +121,7 @@ def _csv(path: Path, start: bytes, header: int | None) -> Log:
     tried = [(*_tried(part, mark), mark) for mark in (*";\t,|", None)]
     share, width, row, separator = max(tried, key=lambda layout: layout[:2])
     if share <= 0:
-        raise LogError("is not a MAT file, an HDF5 file, or a CSV file with rows of numbers")
+        raise ValueError("the file is not a MAT, HDF5 or CSV file with rows of numbers")
     first = kept[row]
     head = _head(lines[:first], separator, width)
     if header:
@@ -214,14 +210,14 @@ def _numbers(name: str, column: pd.Series[Any]) -> Array:
         return column.to_numpy(float)
     texts = column.astype("string").str.strip()
     numbers = pd.to_numeric(texts.str.replace(",", "."), errors="coerce")
-    bad = (numbers.isna() & texts.notna()).to_numpy(bool)
+    bad = numbers.isna() & texts.notna()
     if not bad.any():
         return numbers.to_numpy(float)
     if bad.all():
         stamps = pd.to_datetime(texts, format="mixed", utc=True, errors="coerce")
         if stamps.notna().all():
             return (stamps - stamps.iloc[0]).dt.total_seconds().to_numpy(float)
-    row = column.index[np.argmax(bad)]
+    row = bad.idxmax()
     raise LogError(
         f"row {row}, column {name}: {str(texts[row])[:60]!r} is not a number ({bad.sum()} of "
         f"{len(texts)} cells are not numbers). Correct or empty such cells. Empty cells are gaps "

@@ -17,24 +17,17 @@ from flexaxis.sim.record import Record
 
 LONGEST_GAP = 20  # maximum number of samples in a simulated gap
 
-_TURN, _INCH, _POUND = 2 * np.pi, 0.0254, 4.4482216152605
+_TURN = 2 * np.pi
 _PREFIXES = {"": 1.0, "n": 1e-9, "u": 1e-6, "m": 1e-3, "c": 1e-2, "k": 1e3}
 _PREFIXED = {"time": "s", "torque": "Nm N A V", "angle": "rad m", "speed": "rad/s m/s"}
 _OTHER = {
     "time": {"min": 60.0, "h": 3600.0},
     "torque": {
-        "Ncm": 1e-2, "Nmm": 1e-3, "kgfm": 9.80665, "kgfcm": 0.0980665, "lbfin": _POUND * _INCH,
-        "lbfft": _POUND * 12 * _INCH, "ozfin": _POUND / 16 * _INCH, "lbf": _POUND,
-        "%": 0.01, "1": 1.0,
+        "Ncm": 1e-2, "Nmm": 1e-3, "kgfcm": 0.0980665, "lbfin": 0.1129848290276167,
+        "lbfft": 1.3558179483314004, "ozfin": 0.00706155181422604, "%": 0.01, "1": 1.0,
     },
-    "angle": {
-        "deg": _TURN / 360, "arcmin": _TURN / 21600, "arcsec": _TURN / 1296000,
-        "gon": _TURN / 400, "rev": _TURN, "in": _INCH,
-    },
-    "speed": {
-        "deg/s": _TURN / 360, "deg/min": _TURN / 21600, "rpm": _TURN / 60, "rev/s": _TURN,
-        "m/min": 1 / 60, "mm/min": 1e-3 / 60, "in/s": _INCH, "km/h": 1 / 3.6,
-    },
+    "angle": {"deg": _TURN / 360, "rev": _TURN, "in": 0.0254},
+    "speed": {"deg/s": _TURN / 360, "rpm": _TURN / 60, "rev/s": _TURN, "in/s": 0.0254},
 }  # fmt: skip
 UNITS: dict[str, dict[str, float]] = {
     kind: {p + unit: factor for unit in units.split() for p, factor in _PREFIXES.items()}
@@ -52,7 +45,7 @@ SI = {"time": "s", "torque": "Nm", "angle": "rad", "speed": "rad/s"}
 _LOWER = {unit.lower(): unit for unit in reversed(KNOWN)}
 _SPELLINGS = {
     "newton": "N", "newtonmet(er|re)": "Nm", "amp(ere)?|arms": "A", "volt": "V",
-    "lb": "lbf", "lbin|inlbf?": "lbfin", "lbft|ftlbf?": "lbfft", "ozin|inoz": "ozfin",
+    "lbin|inlbf?": "lbfin", "lbft|ftlbf?": "lbfft", "ozin|inoz": "ozfin",
     "°|degrees?": "deg", "radians?": "rad", "turns?": "rev", "inch": "in", "met(er|re)": "m",
     "sec(onds?)?": "s", "minutes": "min", "hz": "rev/s", "(1|u|rev)/min|min1": "rpm",
 }  # fmt: skip
@@ -77,11 +70,10 @@ Upper and lower case are equivalent."""
 
 def spelt(text: str, kind: str = "") -> str:
     """Convert a unit to the spelling of `UNITS`; ``nm`` is nanometres for an angle, else N m."""
-    plain = re.sub(r"[\s·*.^-]", "", text).replace("µ", "u").replace("μ", "u")
+    plain = re.sub("[µμ]", "u", re.sub(r"[\s·*.^-]", "", text))
     if plain in KNOWN and (plain != "nm" or kind == "angle"):
         return plain
-    second = re.fullmatch(r"(.+)(/s|_s|ps)", plain)
-    if second:
+    if second := re.fullmatch(r"(.+)(/s|_s|ps)", plain):
         return f"{spelt(second[1])}/s"
     small = plain.lower()
     words = (unit for pattern, unit in _SPELLINGS.items() if re.fullmatch(pattern, small))

@@ -166,7 +166,7 @@ def test_of_an_interpolated_log_the_samples_are_taken(tmp_path):
     result = imported(tmp_path, {n: np.round(x, 7) for n, x in lines.items()}, STATED)
     assert result.record.period == pytest.approx(T)
     np.testing.assert_allclose(result.record.angle, angle, atol=1e-7)
-    assert "every 4th row" in seen(result, "time stamps").text
+    assert "every 4th row" in seen(result, "clocks").text
 
 
 def test_opposite_signs(clean, tmp_path):
@@ -205,13 +205,6 @@ def test_clipping(clean, tmp_path):
     u = np.clip(clean["torque"], -1.5, 1.5)
     check = seen(imported(tmp_path, log(u, moved(u))), "clipping of the torque")
     assert check.kind == "problem" and "1.5" in check.text
-
-
-def test_a_coarse_encoder_is_named_with_its_step(clean, tmp_path):
-    step = 2 * np.pi / 1000
-    angle = step * np.rint(10 * clean["angle"] / step)
-    check = seen(imported(tmp_path, clean | {"angle": angle}), "resolution")
-    assert check.kind == "info" and "1000 a turn" in check.text
 
 
 def test_gaps_and_jitter(clean, tmp_path):

@@ -17,20 +17,19 @@ ONE = {
     "torque": {
         "Nm": 1, "mNm": 1 / 1000, "µNm": 1e-6, "cNm": 1 / 100, "Ncm": 1 / 100, "Nmm": 1 / 1000,
         "kNm": 1000, "lb·in": POUND * INCH, "lbf·in": POUND * INCH, "lbf*ft": POUND * 0.3048,
-        "ozfin": POUND / 16 * INCH, "kgfm": 9.80665, "kgfcm": 0.0980665, "N": 1, "mN": 1 / 1000,
-        "kN": 1000, "lbf": POUND, "A": 1, "mA": 1 / 1000, "V": 1, "mV": 1 / 1000, "%": 1 / 100,
+        "ozfin": POUND / 16 * INCH, "kgfcm": 0.0980665, "N": 1, "mN": 1 / 1000,
+        "kN": 1000, "A": 1, "mA": 1 / 1000, "V": 1, "mV": 1 / 1000, "%": 1 / 100,
         "1": 1,
     },
     "angle": {
         "rad": 1, "mrad": 1 / 1000, "µrad": 1e-6, "deg": math.radians(1),
-        "arcmin": math.radians(1 / 60), "arcsec": math.radians(1 / 3600), "gon": math.radians(0.9),
         "rev": TURN, "m": 1, "cm": 1 / 100, "mm": 1 / 1000, "um": 1e-6, "nm": 1e-9, "in": INCH,
     },
     "speed": {
-        "rad/s": 1, "mrad/s": 1 / 1000, "deg/s": math.radians(1), "deg/min": math.radians(1 / 60),
+        "rad/s": 1, "mrad/s": 1 / 1000, "deg/s": math.radians(1),
         "rpm": TURN / 60, "rev/s": TURN, "1/min": TURN / 60, "Hz": TURN,
-        "m/s": 1, "cm/s": 1 / 100, "mm/s": 1 / 1000, "m/min": 1 / 60, "mm/min": 1 / 60000,
-        "in/s": INCH, "km/h": 1 / 3.6,
+        "m/s": 1, "cm/s": 1 / 100, "mm/s": 1 / 1000,
+        "in/s": INCH,
     },
 }  # fmt: skip
 
