@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -17,8 +16,8 @@ from scipy.signal import lfilter
 from flexaxis.estimators import RECOMMENDED
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.offline.prediction_error import settled
+from flexaxis.estimators.offline.structure import TRACKED
 from flexaxis.estimators.offline.trajectory import delayed
-from flexaxis.estimators.protocol import Estimator
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.logs.axis_file import Axis, valid_of
 from flexaxis.experiments.logs.changes import Change, changes_along
@@ -128,73 +127,34 @@ def track(
         If a name is unknown, or if the estimator cannot be built or run.
     """
     nominal = validate(record, axis)
-    log, lawful, order = log_of(record, axis), bool(axis.model.laws), len(axis.whitening)
-    torque = delayed(log.u, axis.delay / log.period, smooth=log.smooth) + axis.offset
-    stopped, quiet = _idle(log.y, nominal.simulated, torque, log.period)
+    log, period = nominal.setup.log, record.period
+    torque = delayed(log.u, axis.delay / period, smooth=log.smooth) + axis.offset
+    stopped, quiet = _idle(log.y, nominal.simulated, torque, period)
     moving = replace(record, valid=valid_of(record) & ~stopped)
-    u, y, output, ok = torque, log.y, log.output, valid_of(moving)
-    if not lawful:
-        u, y = (lfilter(axis.whitening, 1.0, signal) for signal in (torque, log.y))
-        ok = settled(ok, order)
-    elif output == "increment" and record.angle is not None:  # rounding of an angle is white
-        y, output = record.angle, "angle"
-    build = partial(_build, spec, identify=identify, period=log.period, output=output, torque=u)
-    first = start * axis.model.parametrize(identify).theta  # raises an error for unknown names
-    estimator = build(_valued(axis, identify, first))
-    names, runs = tuple(estimator.names), list[Any]()
-    for begin, end in pairwise([0, *[end for _, end in _long_gaps(moving)], len(y)]):
-        if runs:  # after a long gap the state of the axis is unknown
-            estimator = build(_valued(axis, names, runs[-1][0][-1]))
-        runs.append(run_on(estimator, u[begin:end], y[begin:end], ok[begin:end]))
-    theta, alarms = np.concatenate([run[0] for run in runs]), np.concatenate([x[2] for x in runs])
-    spread = None
-    if runs[0][1] is not None:
-        variances = [np.diagonal(covariance, axis1=1, axis2=2) for _, covariance, _ in runs]
-        spread = np.sqrt(np.abs(np.concatenate(variances)))
+    names, theta, spread, alarms = _run(spec, axis, moving, torque, identify=identify, start=start)
     last = np.median(theta[-max(len(theta) // 5, 1) :], axis=0)
     setup = Setup(log_of(moving, axis), _valued(axis, names, last).model, names, axis.delay)
     problem = setup.problem()
     problem.held[-2] = True  # the offset is known
     fitted = setup.begun(problem, axis.offset)
-    good = settled(setup.ok & ~quiet, order)
+    if not np.isfinite(fitted.square):
+        raise LogError(
+            "the estimates diverged, or a simulation with the last estimates diverges. Identify "
+            "the axis first, or choose another estimator"
+        )
+    good = settled(setup.ok & ~quiet, len(axis.whitening))
 
     def look(z: Array) -> tuple[Array, Array]:
         result = problem.at(z, np.asarray(axis.whitening))
         sizes = np.r_[z[: len(names)], np.ones(len(z) - len(names))]
         return result.white[good], result.gradient[:, good].T * sizes
 
-    residual, psi = look(fitted.z)
-    if not np.isfinite(residual.sum() + psi.sum()):
-        raise LogError(
-            "the estimates diverged, or a simulation with the last estimates diverges. Identify "
-            "the axis first, or choose another estimator"
-        )
-    time, past = record.time, correlation(residual)
+    time, past = record.time, correlation(look(fitted.z)[0])
     changes, unseen = changes_along(look, time[good], fitted.z, names)
     fit, known = Fit(setup, fitted), axis.model.parametrize(names).theta
     # after a change, no single value of the parameter fits the whole log
     fits = bool(changes) or (abs(past) < WHITE and axis.error is None)
     text = unlike(fit, axis.error) * (not fits)
-    relative = dict(zip(names, last / known - 1, strict=True))
-    findings = _findings(text, changes, unseen, relative)
-    findings += _interruptions(record, stopped)
-    infos = [
-        f"fit of a simulation from the torque alone: {fit.percent:.1f} %",
-        f"the largest autocorrelation of the residual is {past:.3f}; a white residual has less "
-        f"than {WHITE}",
-        *[f"number of alarms of the estimator: {int(alarms.sum())}"] * bool(alarms.any()),
-    ]
-    findings += [Finding("info", text) for text in infos]
-    return Tracked(
-        names, time, theta, spread, last, known, good, fit.percent, time[alarms], changes,
-        findings,
-    )  # fmt: skip
-
-
-def _findings(
-    text: str, changes: list[Change], unseen: list[str], relative: Mapping[str, float]
-) -> list[Finding]:
-    """Return what the log shows about changes of the parameters and about the axis."""
     findings = [Finding("problem", text)] * bool(text)
     texts = [change.text for change in changes]
     texts += [f"this log does not show whether {', '.join(unseen)} changed"] * bool(unseen)
@@ -202,27 +162,88 @@ def _findings(
         findings = [Finding("ok", "no parameter changed within this log")]
         texts = [
             f"the last estimate of {name} differs by {100 * by:+.1f} % from the identified value"
-            for name, by in relative.items()
+            for name, by in zip(names, last / known - 1, strict=True)
             if abs(by) > OFF
         ]
-    return findings + [Finding("note", text) for text in texts]
+    texts += _interruptions(record, stopped)
+    infos = [
+        f"fit of a simulation from the torque alone: {fit.percent:.1f} %",
+        f"the largest autocorrelation of the residual is {past:.3f}; a white residual has less "
+        f"than {WHITE}",
+        *[f"number of alarms of the estimator: {int(alarms.sum())}"] * bool(alarms.any()),
+    ]
+    findings += [Finding("note", text) for text in texts] + [Finding("info", x) for x in infos]
+    return Tracked(
+        names, time, theta, spread, last, known, good, fit.percent, time[alarms], changes,
+        findings,
+    )  # fmt: skip
 
 
-def _interruptions(record: Record, stopped: Flags) -> list[Finding]:
-    """Return a note for each long gap of a record, and a note if the axis was blocked."""
+def _run(
+    spec: Spec, axis: Axis, record: Record, torque: Array, *, identify: Sequence[str], start: float
+) -> tuple[tuple[str, ...], Array, Array | None, Flags]:
+    """Run an estimator on a record, and restart the estimator after each long gap.
+
+    The state of the axis after a long gap is unknown, because the torque in the gap is unknown. The
+    estimator starts again from its last estimates. The result contains the names, the estimates
+    (N, p), their standard deviations (N, p) if the estimator reports these, and the alarms (N,).
+    """
+    if axis.model.laws and not spec.is_users and not REGISTRY[spec.name].laws:
+        raise LogError(
+            f"the axis has nonlinear laws, such as dry friction, but {spec.text} needs a linear "
+            f"model. Use --estimator {RECOMMENDED}"
+        )
+    log, ok = log_of(record, axis), valid_of(record)
+    u, y, output = torque, log.y, log.output
+    if not axis.model.laws:
+        known: dict[str, Any] = {"noise": axis.noise} if axis.noise else {}
+        u, y = (lfilter(axis.whitening, 1.0, signal) for signal in (torque, log.y))
+        ok = settled(ok, len(axis.whitening))
+    else:  # the log determines only ratios to k_T, so k_T is not tracked by default
+        known = {"track": [name for name in TRACKED if name != "k_T"]}
+        known |= {"deviations": dict(axis.deviation)} if axis.deviation else {}
+        if output == "increment" and record.angle is not None:  # rounding of an angle is white
+            y, output = record.angle, "angle"
+    wanted, runs = tuple(identify), list[Any]()
+    names, theta = wanted, start * axis.model.parametrize(wanted).theta  # refuses unknown names
+    for begin, end in pairwise([0, *[end for _, end in _long_gaps(record)], len(y)]):
+        model = _valued(axis, names, theta).model
+        estimator = make_estimator(
+            spec, model.nominal if spec.is_users else model, record.period,
+            identify=wanted, output=output, torque=u, **known,
+        )  # fmt: skip
+        names = tuple(estimator.names)
+        # an estimator for models with laws may also track parameters of the laws
+        if estimator.output != output or names[: len(wanted)] != wanted:
+            raise EstimatorError(
+                f"{spec.text} estimates {', '.join(names)} from {estimator.output!r}, but should "
+                f"estimate {', '.join(wanted)} from {output!r}"
+            )
+        runs.append(run_on(estimator, u[begin:end], y[begin:end], ok[begin:end]))
+        theta = runs[-1][0][-1]
+    estimates, covariances, alarms = zip(*runs, strict=True)
+    spread = None
+    if covariances[0] is not None:
+        variances = [np.diagonal(one, axis1=1, axis2=2) for one in covariances]
+        spread = np.sqrt(np.abs(np.concatenate(variances)))
+    return names, np.concatenate(estimates), spread, np.concatenate(alarms)
+
+
+def _interruptions(record: Record, stopped: Flags) -> list[str]:
+    """Return a sentence for each long gap of a record, and a sentence if the axis was blocked."""
+    time = record.time
     texts = [
-        f"a gap of {record.time[end] - record.time[begin]:.2g} s begins at "
-        f"{record.time[begin]:.1f} s. The torque in this gap is unknown, so the estimator restarts "
-        "after the gap from its last estimates"
+        f"a gap of {time[end] - time[begin]:.2g} s begins at {time[begin]:.1f} s. The torque in "
+        "this gap is unknown, so the estimator restarts after the gap from its last estimates"
         for begin, end in _long_gaps(record)
     ]
     if stopped.any():
-        begin, end = record.time[stopped][[0, -1]]
+        begin, end = time[stopped][[0, -1]]
         texts.append(
             f"the motor stands still between {begin:.1f} s and {end:.1f} s although the torque "
             "should move it. The motor is probably blocked, so these samples are ignored"
         )
-    return [Finding("note", text) for text in texts]
+    return texts
 
 
 def _long_gaps(record: Record) -> list[tuple[int, int]]:
@@ -253,31 +274,3 @@ def _idle(y: Array, simulated: Array, torque: Array, period: float) -> tuple[Fla
 def default_estimator(axis: Axis) -> str:
     """Return the recommended estimator for an axis with or without nonlinear laws."""
     return RECOMMENDED if axis.model.laws else "ekf"
-
-
-def _build(
-    spec: Spec, axis: Axis, *, identify: Sequence[str], period: float, output: str, torque: Array
-) -> Estimator:
-    """Build an estimator from the model of an axis, or user code from the nominal values."""
-    model = axis.model
-    if model.laws and not spec.is_users and not REGISTRY[spec.name].laws:
-        raise LogError(
-            f"the axis has nonlinear laws, such as dry friction, but {spec.text} needs a linear "
-            f"model. Use --estimator {RECOMMENDED}"
-        )
-    own: dict[str, Any] = {"noise": axis.noise}
-    if model.laws:
-        own = {"deviations": dict(axis.deviation)}
-    known = {name: value for name, value in own.items() if value}
-    estimator = make_estimator(
-        spec, model.nominal if spec.is_users else model, period,
-        identify=tuple(identify), output=output, torque=torque, **known,
-    )  # fmt: skip
-    names = tuple(estimator.names)
-    # an estimator for models with laws may also track parameters of the laws
-    if estimator.output != output or names[: len(identify)] != tuple(identify):
-        raise EstimatorError(
-            f"{spec.text} estimates {', '.join(names)} from {estimator.output!r}, but should "
-            f"estimate {', '.join(identify)} from {output!r}"
-        )
-    return estimator
