@@ -20,7 +20,7 @@ from flexaxis.sim.errors import did_you_mean
 from flexaxis.sim.files import read_toml, toml_text
 from flexaxis.sim.record import Record
 
-_MODEL = ("model", "name", "states", "A", "B", "C")
+_MODEL = ("model", "name", "states", "A", "B", "C", "law", "nominal")
 SAME_RATE = 0.01  # maximum relative difference between two sampling rates that count as equal
 
 
@@ -32,7 +32,7 @@ class Axis(BaseModel):
     model : Model
         Model with nominal values.
     tables : dict
-        Tables of the TOML file that define the model, except the nominal values.
+        Tables of the TOML file that define the model.
     known : bool
         True if the nominal values are given or identified, False if they are a rough guess.
     delay : float
@@ -103,14 +103,10 @@ class Axis(BaseModel):
 
     def save(self, path: Path) -> None:
         """Write the axis to a TOML file."""
-        content = self.tables | {"nominal": dict(self.model.nominal)}
-        content |= self.model_dump(exclude={"model", "tables", "known"}, exclude_defaults=True)
+        results = self.model_dump(exclude={"model", "tables", "known"}, exclude_defaults=True)
+        content = self.tables | {"nominal": dict(self.model.nominal)} | results
         if self.model.laws:
-            parts = ("drive", "acts", "parameters")
-            content["law"] = [
-                {"kind": law.kind} | {part: dict(getattr(law, part)) for part in parts}
-                for law in self.model.laws
-            ]
+            content["law"] = [vars(law) for law in self.model.laws]
         write_text(path, f"# written by flexaxis\n{toml_text(content)}")
 
 
@@ -133,8 +129,8 @@ def find_axis(text: str) -> Axis:
             f"{', '.join(MODELS)}. For your own model, give the path of a .toml file"
         )
     tables = read_toml(path, LogError)
-    kept = {key: tables[key] for key in (*_MODEL, "law") if key in tables}
-    own = {key: tables[key] for key in tables if key not in {*kept, "nominal"}}
+    kept = {key: tables[key] for key in _MODEL if key in tables}
+    own = {key: tables[key] for key in tables if key not in kept}
     try:
         given = {"model": model_from_tables(tables), "tables": kept, "known": True}
     except EstimatorError as error:

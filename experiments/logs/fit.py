@@ -14,16 +14,20 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.offline.prediction_error import Fitted, Problem, jackknife, pieces
 from flexaxis.estimators.offline.trajectory import Trajectory
 from flexaxis.estimators.signals import SIGNALS
-from flexaxis.experiments.logs.signals import CLEAR, Log, gaps_of, liveliest, noise_of
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
+from flexaxis.experiments.logs.signals import (
+    CLEAR,
+    Array,
+    Flags,
+    Log,
+    gaps_of,
+    liveliest,
+    noise_of,
+)
 
 HELD_OUT = (2, 5, 8)  # indices of the held-out pieces among ten pieces of a record
 PARTS = 10  # number of parts of a held-out piece in which errors are compared
@@ -282,13 +286,6 @@ class Fit:
             # errors of neighbouring samples are correlated, so the variance is computed from parts
             chance = BEYOND_CHANCE * gain.std() / np.sqrt(len(gain))
         return other.error < (1 - LEAST_GAIN) * self.error and not gain.mean() <= chance
-
-    @property
-    def stuck(self) -> list[str]:
-        """The identified parameters that are at a bound of the search."""
-        problem, z = self.fitted.problem, self.fitted.z
-        at = (z == problem.lower) | (z == problem.upper)
-        return [name for name, side in zip(self.setup.names, at, strict=False) if side]
 
     @cached_property
     def deviations(self) -> Array:

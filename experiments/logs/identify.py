@@ -4,7 +4,6 @@ If the simulation error of the best model is only noise, the model is adequate. 
 adequate model minimises whitened prediction errors, because the resulting estimates have the
 smallest variance. If the simulation error is larger than the noise, a noise model would hide the
 deficiencies of the axis model. The final fit of such a model minimises the simulation error.
-If a parameter then reaches a bound, the final fit is repeated with whitened prediction errors.
 """
 
 from __future__ import annotations
@@ -148,16 +147,14 @@ def identify(
         )
     if gravity == "auto" and record.versions.get("motion") == "linear":
         gravity = "none"
-    search = Search(setup, axis.known, friction, gravity, levels, tuple(fix))
+    search = Search(setup, axis.known, friction, gravity, levels, fix)
     return _result(search, axis, record)
 
 
 def _result(search: Search, axis: Axis, record: Record) -> Identification:
     best = search.result()
-    for rounds in (0, ROUNDS) if best.lacks else (ROUNDS,):
-        chosen = Fit(best.setup, best.setup.solve(best.fitted.z, rounds=rounds))
-        if not chosen.stuck:
-            break
+    rounds = 0 if best.lacks else ROUNDS
+    chosen = Fit(best.setup, best.setup.solve(best.fitted.z, rounds=rounds))
     setup, fitted, found = chosen.setup, chosen.fitted, chosen.found
     _check_rate(found.model, setup.log.period)
     known = chosen.estimates.drop(columns=["delay", "offset"])
@@ -185,7 +182,7 @@ def _result(search: Search, axis: Axis, record: Record) -> Identification:
         "the largest autocorrelation of the whitened residuals is "
         f"{correlation(fitted.white[fitted.good]):.3f}",
     )
-    findings = judged(search, best, chosen, record) + [Finding("info", text) for text in texts]
+    findings = judged(search, best, chosen, fit, record) + [Finding("info", text) for text in texts]
     return Identification(
         axis.model_copy(update=results), chosen, chosen.estimates, fit, friction, findings, units
     )
@@ -205,7 +202,7 @@ def units_of(record: Record, nominal: Mapping[str, float]) -> str:
 def free_names(axis: Axis, free: Sequence[str], fix: Sequence[str]) -> tuple[str, ...]:
     """Return the names of the parameters to identify: `free`, or all that a log can determine."""
     known = axis.model.parameters
-    named = [n for n in (*free, *fix) if n not in LAWFUL or n in known]
+    named = sorted({*free, *fix} - {*LAWFUL})
     axis.having(dict.fromkeys(named, 1.0))  # raises an error for unknown names
     usual = [n for n in known if n not in GIVEN and (not axis.known or axis.model.nominal[n])]
     chosen = [name for name in ([n for n in free if n in known] or usual) if name not in fix]
@@ -216,7 +213,7 @@ def free_names(axis: Axis, free: Sequence[str], fix: Sequence[str]) -> tuple[str
 
 def _check_rate(model: Model, period: float) -> None:
     """Raise a LogError if the sampling rate is too low for the fastest mode of the model."""
-    fastest = float(np.max(abs(np.linalg.eigvals(matrices(model)[0]).imag))) / (2 * np.pi)
+    fastest = max(abs(np.linalg.eigvals(matrices(model)[0]).imag)) / (2 * np.pi)
     if 2 * fastest * period > 1:
         raise LogError(
             f"a log at {1 / period:.4g} Hz cannot show a mode at {fastest:.4g} Hz. Increase the "
@@ -262,8 +259,8 @@ def find_logs(folder: Path) -> list[Path]:
     """
     logs = [
         path
-        for path in folder.iterdir()
-        if path.suffix.lower() in SUFFIXES and path.name[0] != "." and not path.stem.endswith(MADE)
+        for path in folder.glob("[!.]*")
+        if path.suffix.lower() in SUFFIXES and not path.stem.endswith(MADE)
     ]
     if not logs:
         raise LogError(f"{folder} contains no log. File names of logs end in {', '.join(SUFFIXES)}")

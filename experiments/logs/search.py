@@ -17,13 +17,7 @@ from flexaxis.estimators.models.laws import Law
 from flexaxis.experiments.logs.findings import LogError
 from flexaxis.experiments.logs.fit import Fit, Setup, candidate
 from flexaxis.experiments.logs.signals import columns_beside
-from flexaxis.experiments.logs.spectra import (
-    STRONG,
-    Spectra,
-    fit_response,
-    measured_response,
-    rough_guess,
-)
+from flexaxis.experiments.logs.spectra import STRONG, fit_response, measured_response, rough_guess
 
 FRICTION: Mapping[str, Law] = {
     "coulomb": replace(BRISTLES, parameters={"coulomb": "f_c", "stiffness": 1.0}),
@@ -48,26 +42,6 @@ ENOUGH, STEPS, NEAR = 4000, 6, 0.5  # samples, steps and accuracy of a fit that 
 RUNGS, FASTEST = 6, 1.0  # number of resonances that are tried, and the highest [rad per sample]
 
 
-@dataclass(frozen=True)
-class Tried:
-    """A comparison between a model with an additional effect and a model without this effect.
-
-    Attributes
-    ----------
-    name : str
-        Name of the added effect.
-    before, after : float
-        Rms simulation errors in held-out pieces [rad/s], without and with the effect.
-    taken : bool
-        Whether the effect was added to the model.
-    """
-
-    name: str
-    before: float
-    after: float
-    taken: bool
-
-
 @dataclass
 class Search:
     """The search for the model that describes a log best.
@@ -85,27 +59,29 @@ class Search:
     levels : mapping of str to float
         Values of parameters of the friction law. Parameters in `fix` keep these values. For all
         other parameters, the values are initial values of the fit.
-    fix : tuple of str
+    fix : sequence of str
         Parameters to hold at their nominal values.
-    tried : list of Tried
-        Comparisons between models with an additional effect and models without this effect.
+    tried : dict of str to (bool, float, float)
+        Comparisons of models with and without an additional effect. The keys are the names of the
+        effects. The values are whether the effect was added, and the rms simulation errors in
+        held-out pieces [rad/s] without and with the effect.
     """
 
     setup: Setup
     known: bool
-    friction: str = "auto"
-    gravity: str = "auto"
-    levels: Mapping[str, float] = field(default_factory=dict)
-    fix: tuple[str, ...] = ()
-    tried: list[Tried] = field(default_factory=list)
+    friction: str
+    gravity: str
+    levels: Mapping[str, float]
+    fix: Sequence[str]
+    tried: dict[str, tuple[bool, float, float]] = field(default_factory=dict)
 
     def result(self) -> Fit:
         """Return the fit of the model that describes the log best and that the options allow."""
         setups = [self.setup] if self.known else self._guesses()
         model, box = setups[0].model, dict[str, tuple[float, float]]()
         for name in self.setup.names:
-            ends = sorted((model.nominal[name] / REACH, model.nominal[name] * REACH))
-            box[name] = (0.0, np.inf) if name in model.law_parameters else (ends[0], ends[1])
+            low, high = sorted((model.nominal[name] / REACH, model.nominal[name] * REACH))
+            box[name] = (0.0, np.inf) if name in model.law_parameters else (low, high)
         setups = [replace(one, box=box) for one in setups]
         best = self._explored([*setups, *self._responses(setups[0])])
         return self._early(self._rubbed(self._falling(best)))
@@ -123,7 +99,7 @@ class Search:
         """
         setup, period = self.setup, self.setup.log.period
         try:
-            seen = self._response()
+            seen = measured_response(setup.log)
         except LogError:
             if {*setup.names} <= {"J_m", "f_m"}:
                 return [setup.having(self._rigid())]
@@ -179,7 +155,7 @@ class Search:
         pairs = (other.estimates[one] for one in sure if one in other.estimates)
         clear = not sure or any(abs(value) > SURE * sd for value, sd in pairs)
         taken = clear and best.better(other)
-        self.tried.append(Tried(name, best.error, other.error, taken))
+        self.tried[name] = taken, best.error, other.error
         return other if taken else best
 
     def _falling(self, best: Fit) -> Fit:
@@ -197,7 +173,7 @@ class Search:
         nominal, log = setup.model.nominal, setup.log
         if kind == "coulomb":
             stiffness = (STIFF / log.period) ** 2 * abs(nominal["J_m"])
-            law = replace(law, parameters=dict(law.parameters) | {"stiffness": stiffness})
+            law = replace(law, parameters={"coulomb": "f_c", "stiffness": stiffness})
         torque = abs(nominal.get("k_T", 1.0)) * float(np.std(log.u[log.ok]))
         slow = 1 / float(np.sqrt(np.mean(log.y[log.ok] ** 2)))
         sizes = {n: np.multiply(LAWFUL[n], torque if n[0] == "f" else slow) for n in law.names}
@@ -219,25 +195,14 @@ class Search:
         other = self._explored([replace(setup, early=EARLY, delay=lag) for lag in lags])
         return self._taken("a torque that acts before it is logged", best, other)
 
-    def _response(self, level: float = 0.0, floor: float = STRONG) -> Spectra:
-        """Return the frequency response to the torque minus the dry friction torque `level`."""
-        log = self.setup.log
-        u = log.u - level * np.sign(log.y)
-        return measured_response(u[log.ok], log.y[log.ok], period=log.period, floor=floor)
-
     def _responses(self, setup: Setup, level: float = 0.0) -> list[Setup]:
         """Return setups that start at parameters fitted to the measured frequency response."""
-        linear, setups = replace(setup.model, laws=()), list[Setup]()
-        own = tuple(name for name in setup.names if name in linear.parameters)
+        setups = list[Setup]()
         for floor in (STRONG, 0.0):
-            with suppress(LogError):
-                theta, late = fit_response(
-                    linear, self._response(level, floor), identify=own, period=setup.log.period,
-                    output=setup.log.output, earliest=setup.earliest,
-                )  # fmt: skip
-                values = dict(zip(own, theta.tolist(), strict=True))
-                started = setup.having(values)
-                setups.append(started if setup.timed else replace(started, delay=late))
+            # least_squares raises a ValueError if the frequency response is not finite
+            with suppress(LogError, ValueError):
+                response = measured_response(setup.log, level, floor)
+                setups.append(fit_response(setup, response))
         return setups
 
     def _explored(self, setups: Sequence[Setup]) -> Fit:

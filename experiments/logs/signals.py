@@ -161,20 +161,14 @@ def log_of(record: Record, axis: Axis) -> Log:
     output, y = output_of(record)
     angle = np.cumsum(y) * record.period if record.angle is None else record.angle
     angle = axis.model.nominal.get("r", 1.0) * angle
-    beside = columns_beside(angle) if axis.beside else {}
+    beside = columns_beside(angle)
     ok = usable(record)
     # because of noise, the measured speed of an axis at rest may differ from 0
     still = abs(float(np.mean(y[:FIRST]))) < RESTING * float(np.std(y)) + CLEAR * noise_of(y)
-    return Log(
-        u=record.torque + sum(gain * beside[name] for name, gain in axis.beside.items()),
-        y=y,
-        ok=ok,
-        period=record.period,
-        output=output,
-        smooth=record.versions.get("torque") == "smooth",
-        resting=record.burn_in == 0 and still and bool(ok[0]),
-        angle=angle,
-    )
+    u = record.torque + sum(gain * beside[name] for name, gain in axis.beside.items())
+    smooth = record.versions.get("torque") == "smooth"
+    resting = record.burn_in == 0 and still and bool(ok[0])
+    return Log(u, y, ok, record.period, output, smooth, resting, angle)
 
 
 def columns_beside(angle: Array) -> dict[str, Array]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -15,8 +15,8 @@ from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.offline.frequency import frequency_response
 from flexaxis.estimators.signals import SIGNALS
 from flexaxis.experiments.logs.findings import LogError
-
-Array = NDArray[np.float64]
+from flexaxis.experiments.logs.fit import Setup
+from flexaxis.experiments.logs.signals import Array, Log
 
 SEGMENT = 4.0  # length of the segments over which spectra are averaged [s]
 SEGMENTS = 6  # minimum number of segments of a short log
@@ -61,15 +61,15 @@ def spectra(u: Array, y: Array, period: float) -> Spectra:
     return Spectra(2 * np.pi * frequency[1:], torque.real, cross / torque.real, coherence)
 
 
-def measured_response(u: Array, y: Array, *, period: float, floor: float = 0.0) -> Spectra:
+def measured_response(log: Log, level: float = 0.0, floor: float = STRONG) -> Spectra:
     """Compute averaged spectra at the frequencies at which the coherence exceeds 0.8.
 
     Parameters
     ----------
-    u, y : ndarray (N,)
-        Torque and output.
-    period : float
-        Sampling period [s].
+    log : Log
+        Log with the torque and the output.
+    level : float
+        Dry friction torque, in the unit of the logged torque. It is subtracted from the torque.
     floor : float
         Minimum torque power at a frequency, relative to the power-weighted median of the torque
         power. At frequencies with less power, drift and disturbances can be coherent with the
@@ -80,7 +80,8 @@ def measured_response(u: Array, y: Array, *, period: float, floor: float = 0.0) 
     LogError
         If the coherence exceeds 0.8 at fewer than ten frequencies.
     """
-    s = spectra(u, y, period)
+    u = log.u - level * np.sign(log.y)
+    s = spectra(u[log.ok], log.y[log.ok], log.period)
     power = np.sort(s.torque)[::-1]
     middle = power[np.searchsorted(np.cumsum(power), 0.5 * power.sum())]
     seen = (s.coherence > COHERENT) & (s.torque >= floor * middle)
@@ -93,16 +94,8 @@ def measured_response(u: Array, y: Array, *, period: float, floor: float = 0.0) 
     return Spectra(*(values[seen] for values in s))
 
 
-def fit_response(
-    model: Model,
-    response: Spectra,
-    *,
-    identify: Sequence[str],
-    period: float,
-    output: str,
-    earliest: float,
-) -> tuple[Array, float]:
-    """Fit parameters and the delay of the torque to a measured frequency response.
+def fit_response(setup: Setup, response: Spectra) -> Setup:
+    """Fit a linear model and the torque delay to a frequency response, as initial values.
 
     The fit minimises the error of the logarithm of the response, so that resonances and
     antiresonances have equal weight. The search starts from several values near the nominal
@@ -110,32 +103,25 @@ def fit_response(
 
     Parameters
     ----------
-    model : Model
-        Linear model with nominal values.
+    setup : Setup
+        Model with nominal values, and names of the identified parameters. Laws of the model are
+        ignored. The estimates keep the signs of the nominal values.
     response : Spectra
         Measured frequency response.
-    identify : sequence of str
-        Parameters to fit. The estimates keep the signs of the nominal values.
-    period : float
-        Sampling period [s].
-    output : {"speed", "increment"}
-        Kind of output.
-    earliest : float
-        Minimum delay [s].
 
     Returns
     -------
-    theta : ndarray (p,)
-        Estimates of the parameters.
-    delay : float
-        Estimate of the delay [s].
+    Setup
+        Copy of the setup that starts at the estimates. A known delay is not changed.
     """
-    chosen = SIGNALS[output].predicted(model, period).parametrize(identify)
+    period, linear = setup.log.period, replace(setup.model, laws=())
+    names = [name for name in setup.names if name in linear.parameters]
+    chosen = SIGNALS[setup.log.output].predicted(linear, period).parametrize(names)
     # a hundred frequencies, logarithmically spaced, are enough
     grid = np.geomspace(response.omega[0], response.omega[-1], 100)
     lines = np.unique(np.searchsorted(response.omega, grid * 0.9999))
-    omega, gain = response.omega[lines], response.gain[lines]
-    share = np.minimum(response.coherence[lines], SUREST)
+    omega, _, gain, coherence = (values[lines] for values in response)
+    share = np.minimum(coherence, SUREST)
     weight = np.sqrt(share / (1 - share))  # inverse standard deviation of the logarithm, scaled
     p, turn = len(chosen.names), -1j * omega * period
 
@@ -147,35 +133,31 @@ def fit_response(
         rows = weight[:, None] * np.column_stack([slopes * theta / fitted[:, None], turn])
         return np.r_[error.real, error.imag], np.r_[rows.real, rows.imag]
 
-    box = np.r_[np.full(p, -7.0), earliest / period - 1e-6], np.r_[np.full(p, 7.0), LATEST]
+    box = np.r_[np.full(p, -7.0), setup.earliest / period - 1e-6], np.r_[np.full(p, 7.0), LATEST]
     random = np.random.default_rng(0)
     starts = (np.clip(spread * random.standard_normal(p), -2, 2) for spread in SPREAD)
-    try:
-        fits = [
-            least_squares(
-                lambda x: compared(x)[0], np.r_[start, 0.1], jac=lambda x: compared(x)[1],
-                bounds=box, loss="soft_l1", f_scale=0.6, max_nfev=60,
-            )
-            for start in starts
-        ]  # fmt: skip
-    except ValueError as error:
-        raise LogError(
-            "the model has no finite frequency response at the initial values"
-        ) from error
+    fits = [
+        least_squares(
+            lambda x: compared(x)[0], np.r_[start, 0.1], jac=lambda x: compared(x)[1],
+            bounds=box, loss="soft_l1", f_scale=0.6, max_nfev=60,
+        )
+        for start in starts
+    ]  # fmt: skip
     best = min(fits, key=lambda fit: float(fit.cost)).x
-    return chosen.theta * np.exp(best[:p]), max(float(best[p] * period), earliest)
+    theta = chosen.theta * np.exp(best[:p])
+    started = setup.having(dict(zip(names, theta.tolist(), strict=True)))
+    delay = max(float(best[p] * period), setup.earliest)
+    return started if setup.timed else replace(started, delay=delay)
 
 
-def rough_guess(
-    model: Model, response: Spectra, resonance: float | None = None
-) -> dict[str, float]:
-    """Return rough parameters of a built-in model, or an empty dict for any other model.
+def rough_guess(model: Model, response: Spectra, resonance: float | None) -> dict[str, float]:
+    """Return rough parameters of a built-in model, or an empty dict if it has no such guess.
 
     The guess depends on the total inertia J and the resonance [rad/s]. The inertia is computed from
-    the response |G| ≈ 1/(ω J) at low frequencies. The default resonance is the highest peak of
-    ω |G|.
+    the response |G| ≈ 1/(ω J) at low frequencies. If the resonance is None, it is at the highest
+    peak of ω |G|.
     """
-    guess = MODELS[model.name].guess if model.name in MODELS else None
+    guess = MODELS[model.name].guess
     if guess is None:
         return {}
     omega, slope = response.omega, response.omega * abs(response.gain)

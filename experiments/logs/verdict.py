@@ -6,23 +6,19 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexaxis.experiments.logs.axis_file import Axis
 from flexaxis.experiments.logs.changes import changes_in
 from flexaxis.experiments.logs.findings import Finding, Kind, LogError
 from flexaxis.experiments.logs.fit import Fit, Setup
 from flexaxis.experiments.logs.search import Search
-from flexaxis.experiments.logs.signals import gaps_of, log_of
+from flexaxis.experiments.logs.signals import Array, gaps_of, log_of
 from flexaxis.sim.record import Record
-
-Array = NDArray[np.float64]
 
 POOR = 10.0  # maximum difference between the expected and the actual fit of the same axis [%]
 MATCHED = 50.0  # minimum fit of a correct model [%]
 LAGS = 20  # number of lags of the autocorrelation of a residual
 BLIND = 0.5  # relative standard deviation above which a log does not determine a parameter
-KNOWN = 0.02  # maximum variance of a sum that the log determines, relative to one parameter
 EARLY = 3.0  # significant difference of a delay from its bound, in standard deviations
 HALF = 0.5  # time by which a measured torque may act early [samples], if it is a mean value
 FILTERED = 0.5  # delay above which a speed may be low-pass filtered [samples]
@@ -32,7 +28,7 @@ MISSING = 0.07  # maximum fraction of the samples that may be missing in many ga
 HELD = 0.02  # maximum difference between the delay of a held torque and half a sample [samples]
 
 
-def judged(search: Search, best: Fit, chosen: Fit, record: Record) -> list[Finding]:
+def judged(search: Search, best: Fit, chosen: Fit, fit: float, record: Record) -> list[Finding]:
     """Return the findings on an identification.
 
     Parameters
@@ -43,21 +39,20 @@ def judged(search: Search, best: Fit, chosen: Fit, record: Record) -> list[Findi
         Best fit of the search, without the held-out pieces of the log.
     chosen : Fit
         Fit of the best model to the whole log.
+    fit : float
+        Fit of the simulation by `best` to the held-out pieces [%].
     record : Record
         Record of the log.
     """
     setup, fitted, log = chosen.setup, chosen.fitted, chosen.setup.log
-    fit = 100 * (1 - best.error / chosen.size)
     wrong = fit < MATCHED and best.error > NOISY * chosen.noise
-    dry = (one.taken for one in search.tried if one.name == "dry friction")
-    rubs = search.friction == "none" and any(dry)
     missing, gaps = float(1 - np.mean(log.ok)), len(gaps_of(log.ok))
-    lag, sd, period = float(fitted.z[-1]), float(chosen.deviations[-1]), log.period
-    free, least = not setup.timed, HALF * log.smooth
+    lag, sd, period, free = fitted.z[-1], chosen.deviations[-1], log.period, not setup.timed
+    rubs = search.friction == "none" and search.tried.get("dry friction", [False])[0]
     stated = record.versions.get("torque_because") == "as stated"
     compared = "; ".join(
-        f"{one.name} {'added' if one.taken else 'not added'} ({one.before:.4g} → {one.after:.4g})"
-        for one in search.tried
+        f"{name} {'added' if taken else 'not added'} ({before:.4g} → {after:.4g})"
+        for name, (taken, before, after) in search.tried.items()
     )
     rows: list[tuple[Kind, bool, str]] = [
         ("problem", wrong,
@@ -80,12 +75,13 @@ def judged(search: Search, best: Fit, chosen: Fit, record: Record) -> list[Findi
          "gaps is unknown, so the estimates are wrong. Record a log without missing samples, or "
          "select a part with --rows A:B. If only the time stamps are rounded, give --rate HZ"),
         *_changed(chosen),
-        *_unseen(chosen),
+        _unseen(chosen),
         ("problem", free and lag >= max(setup.latest, EARLY * sd),
          f"the torque acts at least {1e3 * lag:.3g} ms after it is logged, so the torque and "
          "motion columns are not synchronous. Shift one of the columns, or give the delay with "
          "--delay S"),
-        ("problem" if log.smooth else "note", free and lag < -least * period - EARLY * sd,
+        ("problem" if log.smooth else "note",
+         free and lag < -HALF * log.smooth * period - EARLY * sd,
          f"the torque acts {-lag / period:.2f} samples before it is logged, which is impossible. "
          "The torque column is late or filtered. The estimates are valid for a shifted column. "
          "Shift the column by whole samples, or log the torque before its filter"),
@@ -123,48 +119,21 @@ def _changed(chosen: Fit) -> Iterator[tuple[Kind, bool, str]]:
         yield "problem", True, text
 
 
-def _unseen(chosen: Fit) -> Iterator[tuple[Kind, bool, str]]:
-    """Yield a finding on each parameter that the log does not determine, with a remedy."""
-    names, model = chosen.setup.names, chosen.setup.model
-    ends, shapes = chosen.stuck, model.law_parameters - {"f_c"}
-    unseen = dict[str, float]()
-    for name in (name for name in names if name not in shapes):
-        value, sd = chosen.estimates[name]
-        if name in ends or sd >= BLIND * abs(value):
-            unseen[name] = float(sd) / max(abs(value), 1e-300)
-    if len(unseen) > 2 and len(unseen) >= len(names) - 1:
-        text = (
-            f"the log determines none of {', '.join(names)}. The excitation is too weak or too "
-            "slow for this model. Try a model with fewer masses, such as --model one_mass"
-        )
-        yield "problem", True, text
-        return
-    grave = bool(unseen.keys() & ends) or 2 * len(unseen) > len(names)
-    for name, one in unseen.items():
-        known = "the value may be 0" if one >= 1 else f"the uncertainty is ±{100 * one:.0f} %"
-        known = "the estimate is at a bound of the search" if name in ends else known
-        remedy = f"Fix {name} with --fix {name}=VALUE, or use a motion that depends on {name}"
-        if name == "f_c":
-            remedy = "Use --friction none, or a longer log with slow and fast motion"
-        elif other := _summed(chosen, name):
-            remedy = f"Only the sum {name} + {other} is known. Give --fix {name}=0 to estimate it"
-        text = f"the log does not determine {name}: {known}. {remedy}"
-        yield "problem" if grave else "note", True, text
-
-
-def _summed(chosen: Fit, name: str) -> str:
-    """Return another parameter if the log determines only its sum with the parameter `name`.
-
-    The log determines only the sum of two parameters if the variance of the sum is much smaller
-    than the variance of each parameter. The result is an empty string if no other parameter meets
-    this condition, or if `name` is an inertia or a stiffness, which cannot be 0.
-    """
-    names = chosen.setup.names
-    i, covariance = names.index(name), chosen.fitted.covariance[: len(names), : len(names)]
-    sums = covariance[i, i] + 2 * covariance[i] + np.diag(covariance)
-    other = int(np.argmin(sums))
-    known = sums[other] < KNOWN * covariance[i, i]
-    return names[other] if known and name[0] not in "Jk" else ""
+def _unseen(chosen: Fit) -> tuple[Kind, bool, str]:
+    """Return the row of the parameters that the log does not determine, with a remedy."""
+    setup, texts, ends = chosen.setup, list[str](), list[bool]()
+    own = [name for name in setup.names if name not in setup.model.law_parameters - {"f_c"}]
+    for name, (value, sd) in chosen.estimates[own].items():
+        end = value in setup.box[name]
+        if end or sd >= BLIND * abs(value):
+            ends.append(end)
+            texts.append(f"{name} ({value:.3g} ± {sd:.2g}{', a bound of the search' * end})")
+    text = (
+        f"the log does not determine {', '.join(texts)}. Fix a parameter with --fix NAME=VALUE, "
+        "use a longer log with slow and fast motion, or use a model with fewer parameters, for "
+        "example with --friction none or --model one_mass"
+    )
+    return "problem" if any(ends) or 2 * len(ends) > len(setup.names) else "note", bool(ends), text
 
 
 def unlike(fit: Fit, usual: float | None) -> str:
@@ -180,14 +149,14 @@ def unlike(fit: Fit, usual: float | None) -> str:
     usual : float or None
         Expected simulation error [rad/s], or None if the expected error is unknown.
     """
-    expected = MATCHED + POOR if usual is None else 100 * (1 - usual / fit.size)
-    if fit.percent > 0 and (fit.percent >= expected - POOR or fit.left <= (usual or 0.0)):
+    least = MATCHED if usual is None else 100 * (1 - usual / fit.size) - POOR
+    if fit.percent > 0 and (fit.percent >= least or fit.left <= (usual or 0.0)):
         return ""
-    told = "" if usual is None else f", but {expected:.1f} % is expected"
     return (
-        f"a simulation from the torque explains only {fit.percent:.1f} %{told}. Either the log is "
-        "from another axis or motion, or the torque or the angle has another unit or sign. Compare "
-        "units and scales with those of the first log, or identify the axis again"
+        f"a simulation from the torque explains only {fit.percent:.1f} % of the log, but at least "
+        f"{least:.1f} % is expected. Either the log is from another axis or motion, or the torque "
+        "or the angle has another unit or sign. Compare units and scales with those of the first "
+        "log, or identify the axis again"
     )
 
 

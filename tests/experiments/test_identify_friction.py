@@ -135,7 +135,7 @@ def test_less_motion_is_a_poorer_fit_and_no_contradiction():
         return SimpleNamespace(percent=percent, left=left, size=size)
 
     assert unlike(fit(80.0, 0.2, 1.0), 0.2) == ""
-    assert "80.0 % is expected" in unlike(fit(60.0, 0.4, 1.0), 0.2)
+    assert "at least 70.0 % is expected" in unlike(fit(60.0, 0.4, 1.0), 0.2)
     assert "explains only -3.0 %" in unlike(fit(-3.0, 0.1, 0.097), 0.1)
 
 

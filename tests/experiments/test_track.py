@@ -124,7 +124,7 @@ def test_gaps_are_no_changes(gaps, tmp_path, capsys):
 
 @pytest.mark.parametrize(
     ("times", "said"),
-    [(2, ", but 9"), (-1, "another unit or sign"), (0.2, "")],
+    [(2, ", but at least 8"), (-1, "another unit or sign"), (0.2, "")],
 )
 def test_a_torque_in_another_unit_or_sign_is_status_1(tmp_path, capsys, times, said):
     status, told = tracked(tmp_path, capsys, torque_times=times)
