@@ -25,12 +25,14 @@ from flexaxis.experiments.running.study import Study
 HERE = Path(__file__).parent
 PAGE, ROWS = HERE / "results.md", HERE / "data" / "results.csv"
 UKF = "ukf"  # name of docs/examples/ukf.py in the tables
-AXIS = ("fm_step", "fm_double", "ja_step", "kt_step", "two_faults", "encoder_fm_step",
+AXIS = ("fm_step", "fm_double", "ja_step", "kt_step", "two_faults",
         "coulomb_fm_step", "coulomb_fc_step", "lugre_fm_step", "cogging_fm_step",
         "backlash_fm_step", "told_kg_fm_step", "load_friction_fm_step")  # fmt: skip
 RUNS = {
     "axis": (AXIS, ("glr", "imm", "ekf", f"{HERE / 'examples/ukf.py'}:Ukf", "cusum-reset",
                     "rpem-forgetting")),
+    "encoders": (("encoder_fm_step", "coarse_encoder_fm_step", "encoder_coulomb_fm_step"),
+                 ("glr", "imm", "ekf", "cusum-reset", "rpem-forgetting")),
     "drives": ("drives", ("glr", "imm", "ekf", "rpem-forgetting")),
 }  # fmt: skip
 """Scenarios and estimators of each table in docs/results.md."""
