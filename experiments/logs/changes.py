@@ -261,10 +261,11 @@ def _windows(time: Array, error: Array, J: Array, p: int) -> tuple[Array, Array,
     total = np.array([np.std(error[k]) for k in parts])
     left = np.array([np.std(error[k] - J[k] @ x) for x, k in zip(every, parts, strict=True)])
     sd = np.array([np.linalg.norm(one[:p], axis=1) for one in inverses])
-    sd = np.where(sd > 0, sd, np.inf)
+    sd[sd == 0] = np.inf  # a window without information
     seen = (sd <= USUAL * np.quantile(sd, QUIET, axis=0, method="lower")).all(axis=1)
-    seen &= (left <= USUAL * np.median(left[seen])) | (left <= FEW * total)
-    sd *= left[:, None]
+    if seen.any():
+        seen &= (left <= USUAL * np.median(left[seen])) | (left <= FEW * total)
+    sd *= np.maximum(left[:, None], 1e-300)
     return time[np.array([k[[0, -1]] for k in parts])][seen], x[seen], sd[seen]
 
 
