@@ -53,6 +53,8 @@ class Axis(BaseModel):
     beside : dict of str to float
         Gains of the gravity torque, in the unit of the logged torque. The gain `g_sin` multiplies
         −sin φ and the gain `g_cos` multiplies −cos φ, where φ is the load angle.
+    problems : list of str
+        Problems because of which the identified values cannot be used.
     """
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
@@ -68,6 +70,7 @@ class Axis(BaseModel):
     whitening: tuple[float, ...] = Field((1.0,), strict=False)
     deviation: dict[str, float] = {}
     beside: dict[Literal["g_sin", "g_cos"], float] = {}
+    problems: list[str] = []
 
     def having(self, values: Mapping[str, float]) -> Axis:
         """Return a copy of the axis with some nominal values replaced."""

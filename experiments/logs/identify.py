@@ -183,6 +183,7 @@ def _result(search: Search, axis: Axis, record: Record) -> Identification:
         f"{correlation(fitted.white[fitted.good]):.3f}",
     )
     findings = judged(search, best, chosen, fit, record) + [Finding("info", text) for text in texts]
+    results["problems"] = texts_of(findings, "problem")
     return Identification(
         axis.model_copy(update=results), chosen, chosen.estimates, fit, friction, findings, units
     )

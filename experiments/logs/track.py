@@ -165,6 +165,7 @@ def track(
             for name, by in zip(names, last / known - 1, strict=True)
             if abs(by) > OFF
         ]
+    texts += [f"the identified values cannot be used: {text}" for text in axis.problems]
     texts += _interruptions(record, stopped)
     infos = [
         f"fit of a simulation from the torque alone: {fit.percent:.1f} %",
@@ -195,12 +196,13 @@ def _run(
         )
     log, ok = log_of(record, axis), valid_of(record)
     u, y, output = torque, log.y, log.output
+    # the log determines only ratios to k_T, so glr tracks k_T only if the user asks for it
+    known: dict[str, Any] = {"track": [name for name in TRACKED if name != "k_T"]}
     if not axis.model.laws:
-        known: dict[str, Any] = {"noise": axis.noise} if axis.noise else {}
+        known |= {"noise": axis.noise} if axis.noise else {}
         u, y = (lfilter(axis.whitening, 1.0, signal) for signal in (torque, log.y))
         ok = settled(ok, len(axis.whitening))
-    else:  # the log determines only ratios to k_T, so k_T is not tracked by default
-        known = {"track": [name for name in TRACKED if name != "k_T"]}
+    else:
         known |= {"deviations": dict(axis.deviation)} if axis.deviation else {}
         if output == "increment" and record.angle is not None:  # rounding of an angle is white
             y, output = record.angle, "angle"

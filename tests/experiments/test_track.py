@@ -64,6 +64,13 @@ def test_its_own_log_is_fine(tmp_path, capsys, axis):
     assert "no parameter changed" in page and page.count("<svg") == 1
 
 
+def test_problems_of_the_identification_are_repeated(tmp_path, capsys):
+    axis = AXIS.replace("[nominal]", 'problems = ["the fit did not converge"]\n[nominal]')
+    status, _ = tracked(tmp_path, capsys, axis)
+    assert status == 0
+    assert "the fit did not converge" in (tmp_path / "log-track.html").read_text(encoding="utf-8")
+
+
 FRACTION = TIME / TIME[-1]
 FORMS = {
     "step": (F * np.where(FRACTION < 0.5, 1.0, 0.7), "step", -0.3),
