@@ -64,9 +64,9 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
     >>> did_you_mean("apple", ["k_T", "J_m"])
     ''
     """
-    spelt = {name.lower(): name for name in known}
-    # a `word` that was read from a file may be a number
-    near = get_close_matches(str(word).lower(), spelt, n=1)
+    spelt = {name.lower().lstrip("-"): name for name in known}
+    # a `word` that was read from a file may be a number; the dashes of options are no similarity
+    near = get_close_matches(str(word).lower().lstrip("-"), spelt, n=1)
     return f" Did you mean {spelt[near[0]]!r}?" if near else ""
 
 

@@ -16,8 +16,8 @@ def set_keys(content: dict[str, Any], changes: Mapping[str, Any], *, source: str
     Raises
     ------
     ScenarioError
-        If a dotted key does not exist. The error message contains the name `source` and the invalid
-        key.
+        If dotted keys do not exist. Each line of the error message contains the name `source` and
+        an invalid key.
 
     Examples
     --------
@@ -26,6 +26,7 @@ def set_keys(content: dict[str, Any], changes: Mapping[str, Any], *, source: str
     >>> content
     {'fault': [{'factor': 2.0}]}
     """
+    problems = []
     for key, value in changes.items():
         try:
             steps = re.findall(r"([^.\[\]]+)|\[(\d+)\]", key)
@@ -36,7 +37,9 @@ def set_keys(content: dict[str, Any], changes: Mapping[str, Any], *, source: str
             place[last] = value
         except (AttributeError, LookupError, TypeError, ValueError):
             hint = did_you_mean(key, _keys(content))
-            raise ScenarioError(f"{source}: {key}: the key does not exist.{hint}") from None
+            problems.append(f"{source}: {key}: the key does not exist.{hint}")
+    if problems:
+        raise ScenarioError(*problems)
 
 
 def _keys(content: Any, key: str = "") -> list[str]:

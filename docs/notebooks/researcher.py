@@ -139,8 +139,8 @@ plt.show()
 # 3. The model of `glr` includes a friction law, and for faults of +10 % and +50 % dry friction hardly changes the lag of `glr`.
 #    The lag may be below the bound, because the bound assumes four unknown parameters after the fault. An estimator that
 #    identifies the changed parameter has only one parameter to estimate. For a fault of +200 %, `glr` names the wrong parameter
-#    in two of the four runs with 0.03 and 0.1 N m (once $k_a$, once $f_c$). In these two runs the lag of `glr` is 3.3 s and 0.5
-#    s, compared with less than 0.1 s in the other two runs. The line shows geometric means of two runs and hides this difference,
+#    in two of the four runs with 0.03 and 0.1 N m (once $J_a$, once $f_c$). In these two runs the lag of `glr` is 4.7 s and 0.5
+#    s, compared with about 0.1 s in the other two runs. The line shows geometric means of two runs and hides this difference,
 #    but the bars show it.
 #
 # ## Detections

@@ -86,7 +86,7 @@ def study(args: Args) -> int:
     """
     check_file(args.file)
     folder = args.output or Path("results", args.file.stem)
-    check_not_input([args.file], folder)
+    check_not_input([args.file], args.output)
     if args.dry_run:
         known = fx.plan(args.file)
         lines = [", ".join(f"{key} = {value}" for key, value in each.items())

@@ -206,7 +206,7 @@ class Results:
 
         A point is a combination of swept values. Missing and undefined values are NaN. The swept
         keys are coordinates along the dimension ``point``.
-        ``set_index(point=[...]).unstack("point")`` turns the swept keys into dimensions.
+        ``set_index(point=[...]).unstack("point")`` turns several swept keys into dimensions.
         """
         axes, table = list(self.axes), self.frame[self.frame["parameter"] != ""]
         points = table.groupby(axes, dropna=False).ngroup() if axes else 0

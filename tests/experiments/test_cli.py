@@ -104,6 +104,7 @@ MISTAKES = [
     (["list", "--group", "step"], "Did you mean 'steps'?"),
     (["show", "smoek"], "Did you mean 'smoke'"),
     (["study", "ther.toml"], "Did you mean 'there.toml'?"),
+    (["study", "there.toml", "--seeds", "5"], "unknown '--seeds'. See flexaxis study --help"),
     (["report", "missing"], "missing"),
     (["import", "nothing.csv"], "nothing.csv"),
     (["check", "frozn"], "Did you mean 'frozen'"),

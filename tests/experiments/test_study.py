@@ -60,6 +60,7 @@ def test_all_problems_of_a_file_at_once(tmp_path):
         ({"sweep": {"frozn.gain": [1.0]}}, "Did you mean 'frozen'"),
         ({"sweep": {"falt[0].factor": [1.0]}}, "Did you mean 'fault'"),
         ({"sweep": {"fault.factor": [1.0]}}, "Did you mean 'fault[0].factor'"),
+        ({"sweep": {"fault.at": [8.0], "fault[1].at": [8.0]}}, "fault[1].at: the key does not"),
         ({"sweep": {"start": [-1.0]}, "estimators": ["glrr"], "x": 1}, "fm_step-v1: start: must"),
         ({"sweep": {"start": [-1.0]}, "estimators": ["glrr"], "x": 1}, "Did you mean 'glr'"),
         ({"sweep": {"start": [-1.0]}, "estimators": ["glrr"], "x": 1}, "unknown key 'x'"),
