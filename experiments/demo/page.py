@@ -74,8 +74,8 @@ class Page:
             self._session.advance(samples)
             while self._acts and self._acts[0]["at"] <= self._session.axis.time:
                 act = self._acts.pop(0)
-                self._session.do(act["do"], *act.get("with", ()))
-                self._session.message = act.get("say", self._session.message)
+                if self._session.do(act["do"], *act.get("with", ())):
+                    self._session.message = act.get("say", self._session.message)
 
     def draw_axis(self) -> None:
         """Draw the axis at its current angles."""

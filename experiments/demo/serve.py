@@ -55,8 +55,8 @@ def serve(
     Raises
     ------
     FlexaxisError
-        If viser or mjviser is missing, or if the port is in use. The error also occurs if the demo
-        cannot read the lesson or cannot run one of the estimators.
+        If viser or mjviser is missing, or if the port is invalid or in use. The error also occurs
+        if the demo cannot read the lesson or cannot run one of the estimators.
     """
     plan = load_lesson(lesson) if lesson else {"act": []}
     session = DemoSession(
@@ -117,8 +117,10 @@ def start(port: int | None = None) -> Any:
     Raises
     ------
     FlexaxisError
-        If viser or mjviser is missing, or if the port is in use.
+        If viser or mjviser is missing, or if the port is invalid or in use.
     """
+    if port is not None and not 0 < port < 2**16:
+        raise FlexaxisError(f"the port {port} does not exist: choose a port from 1 to 65535")
     try:
         import mjviser  # noqa: F401
         import viser

@@ -112,16 +112,20 @@ class DemoSession:
         columns = [np.nan_to_num(column) for column in zip(*self._marks, strict=True)]
         return dict(zip(names, columns, strict=True))
 
-    def do(self, action: str, *values: Any) -> None:
-        """Perform an action in `ACTIONS`, and describe the action or its error in `message`."""
+    def do(self, action: str, *values: Any) -> bool:
+        """Perform an action in `ACTIONS`, and return whether it has succeeded.
+
+        The attribute `message` then describes the action or its error.
+        """
         try:
             if action not in ACTIONS:
                 raise FlexaxisError(unknown("action", action, ACTIONS))
             what = getattr(self, action)(*values)
         except (ValueError, TypeError) as error:  # all errors of flexaxis are ValueErrors
             self.message = str(error)
-        else:
-            self.message = f"at {self.axis.time:.1f} s: {what}"
+            return False
+        self.message = f"at {self.axis.time:.1f} s: {what}"
+        return True
 
     def inject(self, parameter: str, factor: float) -> str:
         """Set a parameter to `factor` times its nominal value, and start to record the errors."""
@@ -161,8 +165,9 @@ class DemoSession:
 
     def set_noise(self, noise: float) -> str:
         """Set the standard deviation of the motor speed noise [rad/s]."""
+        what = f"noise {noise:g} rad/s"  # fails if `noise` is not a number
         self.axis.noise = noise
-        return f"noise {noise:g} rad/s"
+        return what
 
     def set_sensor(self, kind: str) -> str:
         """Use the motor sensor with the given label in `demo.axis.SENSORS`.

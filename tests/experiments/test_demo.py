@@ -19,6 +19,7 @@ from flexaxis.estimators.offline.priors import known_P
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.demo import serve
 from flexaxis.experiments.demo.axis import LiveAxis
+from flexaxis.experiments.demo.page import Page
 from flexaxis.experiments.demo.racer import HYPOTHESES, NAMES
 from flexaxis.experiments.demo.session import MARK, DemoSession
 from flexaxis.experiments.demo.tracking import Change
@@ -159,6 +160,26 @@ def test_a_foreign_host_or_origin_is_refused():
         server.stop()
 
 
+def test_a_failed_action_of_a_lesson_shows_its_reason():
+    """The remark of the lesson would hide the reason; the axis keeps its valid noise."""
+    server, session = serve.start(), DemoSession()
+    acts = [
+        {"at": 0.0, "do": "set_noise", "with": [0.2], "say": "noisier"},
+        {"at": 0.02, "do": "set_noise", "with": ["loud"], "say": "louder"},
+        {"at": 0.04, "do": "reset", "say": "as new"},
+    ]
+    try:
+        page = Page(server, session, acts)
+        page.advance(1)
+        assert session.message == "noisier"
+        page.advance(4)
+        assert "louder" not in session.message and session.axis.noise == 0.2
+        page.advance(4)
+        assert "unknown action 'reset'" in session.message
+    finally:
+        server.stop()
+
+
 @pytest.mark.whole
 def test_a_lesson_is_served_from_the_command_line(tmp_path):
     """On this computer only, until SIGTERM, with status 0."""
@@ -183,6 +204,7 @@ def test_wrong_use_is_one_line_and_status_2(capsys, tmp_path, monkeypatch):
     for words, message in (
         ([str(tmp_path / "a.toml")], "needs the keys `at` and `do`"),
         (["--estimator", "ekf"], "the demo needs 2 estimators"),
+        (["--port", "80000"], "choose a port from 1 to 65535"),
         (["--no-browser"], "pip install -e '.[demo]'"),
     ):
         assert main(["demo", *words]) == 2
