@@ -39,7 +39,7 @@ class TwoSpeeds:
     """Run a fast and a slow filter, and use the fast filter while the filters disagree."""
 
     names = ("k_T", "1/J_a", "f_m")
-    knob = "forgetting"
+    knob = "1-forgetting"
 
     def __init__(self, nominal, period, *, output="speed", forgetting=0.995, ratio=4.0, h=4.0):
         axis, P0 = three_mass(dict(nominal)), np.diag([2.97e-4, 5.19e-5, 4.69e-6]) / 0.005

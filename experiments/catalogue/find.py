@@ -126,8 +126,8 @@ def _unknown(name: str) -> str:
         return f"{name}: no such file"
     hint = did_you_mean(name, [*suite_names(), *scenario_names()])
     return (
-        f"unknown scenario {name!r}.{hint} `flexaxis list` shows all scenarios. You can also use "
-        "the path of a TOML file"
+        f"unknown scenario {name!r}.{hint} `flexaxis list scenarios --all` shows all scenarios. "
+        "You can also use the path of a TOML file"
     )
 
 

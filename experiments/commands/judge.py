@@ -41,9 +41,15 @@ def compare(args: Args) -> int:
         if not (args.base and args.candidate):
             raise FlexaxisError(
                 "name the estimators with --base E --candidate E, as in `flexaxis compare --base "
-                "rpem-forgetting --candidate glr fm_step`, or name two folders of finished runs"
+                "rpem-forgetting --candidate glr fm_step`, or name two existing folders of "
+                "finished runs"
             )
         fx.check_names(args.names)
+    elif len(runs) != 2 or args.match_std or args.max_seeds:
+        raise FlexaxisError(
+            "to compare finished runs, name two folders, and omit --match-std and --max-seeds, "
+            "which need new runs"
+        )
     margins = {}
     for text in filter(None, args.margin.split(",")):
         score, _, share = text.partition("=")

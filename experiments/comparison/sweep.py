@@ -232,8 +232,8 @@ def sweep(
     if not any(w.D > 0 for s in scenarios for w in windows(s, s.identify)):
         raise FlexaxisError(
             f"{', '.join(s.name for s in scenarios)}: no estimated parameter has a fault, so "
-            "there is no lag to compare. Run `flexaxis list` to find a scenario with a fault in "
-            "an estimated parameter"
+            "there is no lag to compare. Run `flexaxis list faults` to find a scenario with a "
+            "fault in an estimated parameter"
         )
     run(scenarios, texts(settings(estimators)), seeds)  # one call, so that settings share records
     runs, points = Runs(run, seeds), []

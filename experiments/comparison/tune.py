@@ -233,8 +233,8 @@ def equally_noisy(
     if not every:
         raise FlexaxisError(
             "--match-std: no scenario has a fault in a parameter that both estimators estimate, "
-            "so there is no lag to compare. Run `flexaxis list` to find a scenario with a fault "
-            "in a parameter that both estimators estimate"
+            "so there is no lag to compare. Run `flexaxis list faults` to find a scenario with a "
+            "fault in a parameter that both estimators estimate"
         )
     match = EXCESS if len(every) > 1 else every.pop()
     where = [s for s, names in zip(scenarios, changing, strict=True) if names]

@@ -22,6 +22,7 @@ from flexaxis.experiments.gate.verdict import (
     losses,
     overall,
 )
+from flexaxis.experiments.running.progress import remark
 from flexaxis.experiments.running.results import Results
 from flexaxis.experiments.running.run import Runner, check_failures
 from flexaxis.experiments.scoring.score_table import MARGINS, METRICS
@@ -131,6 +132,8 @@ def compare(
             for side, own, other in zip(SIDES, left, left[::-1], strict=True)
             for name in own if name not in other]  # fmt: skip
     readable = [s for s in scenarios if s.name not in {*left[0], *left[1]}]
+    for name in left[0].keys() & left[1] if readable else ():
+        remark(f"scenario {name} is omitted: {left[0][name]}")
     scenarios = readable or scenarios  # if none is left, running them raises the error
     equal: Sequence[Tuned] = ()
     if match_std:

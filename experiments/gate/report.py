@@ -40,6 +40,8 @@ TEXTS = {
     "noise.",
     "scenarios": "Compare the estimators on scenarios with faults in parameters that both of them "
     "can estimate.",
+    "traded": "One estimator is faster, and the other has less noise. To compare the lags at equal "
+    "noise, use --match-std.",
     "seeds": "Use --max-seeds to add more seeds, which can lead to a clear verdict.",
     "tuned": "Both estimators were tuned to the {0} of rpem-forgetting: base {1}, candidate {2}.",
 }  # fmt: skip
@@ -57,7 +59,7 @@ LEGEND = (
     'enough runs confirm the change. The verdict is "slight" or "same" if the interval lies inside '
     "the margin.",
     "McNemar's exact test compares the numbers of runs that diverge or never settle.",
-    "The result is interim analysis {look} of {looks}; each analysis has the same error "
+    "The result is interim analysis {look} of {looks}; each analysis uses an equal share of this "
     "probability.",
 )
 
@@ -83,7 +85,7 @@ def as_dict(c: Comparison) -> dict[str, Any]:
     rows = c.rows[c.rows["verdict"] != SILENT]  # omit biases that are not worse
     shown = json.loads(rows.to_json(orient="records", double_precision=15))
     margins = ", ".join(f"{name} {100 * margin:g} %" for name, margin in c.margins.items())
-    about = {**vars(c), "seeds": len(c.seeds), "percent": 100 * ALPHA / c.looks, "margins": margins}
+    about = {**vars(c), "seeds": len(c.seeds), "percent": 100 * ALPHA, "margins": margins}
     return {
         "verdict": c.verdict, "command": LINE.get(), "alpha": ALPHA / c.looks,
         "headline": headline(c, shown),
@@ -135,6 +137,9 @@ def advice(c: Comparison) -> list[str]:
     for fewer, more in permutations(names, 2):
         if rest := ", ".join(sorted(names[more] - names[fewer])):
             lines.append(TEXTS["unfair"].format(more, rest, fewer))  # type: ignore[attr-defined]
+    found = {*zip(c.rows["metric"], c.rows["verdict"], strict=True)}
+    if any({("lag", a), ("std", b)} <= found for a, b in permutations((BETTER, WORSE))):
+        lines.append(TEXTS["traded"])
     if c.verdict == UNDECIDED:
         lines.append(TEXTS["scenarios" if c.paired.gaps else "seeds"])
     if c.equal:

@@ -167,7 +167,7 @@ def parse(text: str) -> Spec:
     if not ours and name not in (installed := _installed()):
         raise EstimatorError(
             f"unknown estimator {name!r}.{did_you_mean(name, [*REGISTRY, *installed])} Run "
-            "`flexaxis list` to list all estimators. To use your own estimator, write "
+            "`flexaxis list estimators` to list all estimators. To use your own estimator, write "
             "path/file.py:Class, package.module:Class or pipe:COMMAND"
         )
     if name in REGISTRY:

@@ -50,6 +50,12 @@ def test_a_diverging_candidate_is_a_regression(capsys, short_toml, tmp_path):
     assert status == 3 and "2 of 2 runs newly diverge" in out
 
 
+@pytest.mark.parametrize("more", [(), (".", "--match-std"), (".", "--max-seeds", "64")])
+def test_stored_runs_need_two_folders_and_no_new_runs(capsys, tmp_path, more):
+    status, _, err = flexaxis(capsys, "compare", ".", *more, "-o", tmp_path)
+    assert status == 2 and "name two folders, and omit --match-std" in err
+
+
 @pytest.mark.slow
 def test_stored_runs(capsys, short_toml, tmp_path):
     for name, estimator in (("old", "rpem-forgetting"), ("new", SLOW)):
@@ -117,3 +123,6 @@ def test_a_scenario_that_the_candidate_cannot_read_is_in_the_verdict(
     assert (status, told["verdict"]) == (0, "undecided")
     assert told["gaps"] == [["candidate", "the candidate cannot run on encoder", False]]
     assert flexaxis(capsys, "compare", *both, *sides, *words, "--strict")[0] == 3
+    sides = ("--base", candidate, "--candidate", candidate)
+    _, out, err = flexaxis(capsys, "compare", *both, *sides, *words)
+    assert "scenario encoder is omitted" in err and not json.loads(out)["gaps"]

@@ -189,6 +189,11 @@ def test_the_verdict_comes_first_and_large_changes_are_ratios():
     assert as_dict(compared(side(), side()))["headline"] == "SAME: 2 of 2 scores"
     quick = as_dict(compared(side(), side(lag=0.7 * scatter)))
     assert quick["headline"].startswith("BETTER: lag of f_m on s is 33 % shorter (24–41)")
+    assert not quick["advice"]
+    noisy = [r | {"std": 2 * r["std"], "lag": 0.5} for r in side()]
+    for sides in ((side(), noisy), (noisy, side())):
+        (advice,) = as_dict(compared(*sides))["advice"]
+        assert "use --match-std" in advice
 
 
 def test_what_one_side_lacks_is_never_the_same():
