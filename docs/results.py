@@ -66,7 +66,7 @@ def table(rows: pd.DataFrame) -> str:
 def cell(row: dict) -> str:
     """Return a table cell with the lag, bias, noise, detections and number of diverged runs."""
     bounds = [row[name] for name in ("lag_bound", "lag_bound_learnt") if row[name] > 0]
-    ratios = "/".join(f"{row['lag'] / bound:.2g}" for bound in bounds)
+    ratios = "/".join(dict.fromkeys(f"{row['lag'] / bound:.2g}" for bound in bounds))
     times = f" ({ratios} ×)" if bounds else ""
     parts = [f"{row['lag']:.2g} s{times}", f"{row['bias']:+.2g} ± {row['std']:.2g} %"]
     if isinstance(heard := row["detection"], dict):
