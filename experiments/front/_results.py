@@ -119,7 +119,8 @@ class Results(engine.Results):
 
 def _text(table: pd.DataFrame) -> str:
     words, number = {"lag_interval": between}, "{:.3g}".format
-    return table.to_string(index=False, formatters=words, float_format=number)
+    known = table.where(table.notna())  # pandas prints None as "None", but NaN as `na_rep`
+    return known.to_string(index=False, formatters=words, float_format=number, na_rep="–")
 
 
 def benchmark(
