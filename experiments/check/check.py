@@ -288,8 +288,8 @@ RULES: dict[Callable[[Subject], Seen], tuple[str, str]] = {
     a_shift_of_u_hurts: (
         "u[k] acts after y[k], and an estimator that shifts u by one sample gives wrong estimates",
         "in step(u, y), use u from the previous call to predict y, and then store the new u. If "
-        "the error is large for every shift of u, check the model, the units and the order of "
-        "names",
+        "the error is large for every shift of u, check the model, the units, the order of names "
+        "and the attribute `output`",
     ),
 }
 """Reason for each rule, and a hint on how to follow the rule."""
