@@ -144,7 +144,8 @@ class Problem:
         scale : float
             Factor that multiplies the covariance Δ of equation (32).
         **time_update : float or array_like
-            Option ``forgetting`` or ``drift`` of `flexaxis.estimators.offline.priors.nominal_P`.
+            Value of the option ``forgetting`` or ``drift`` of
+            `flexaxis.estimators.offline.priors.nominal_P`.
         """
         from flexaxis.estimators.offline import priors
 

@@ -151,7 +151,7 @@ class Scenario(Config):
         return self
 
     def drawn(self, seed: int) -> Scenario:
-        """Return the scenario of one seed, with random onsets and random errors of parameters."""
+        """Return the scenario for one seed, with random onsets and random parameter errors."""
         return drawn(self, seed) if self.onset_spread or self.spread else self
 
     @property

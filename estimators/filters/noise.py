@@ -123,7 +123,7 @@ def judge(state, y, valid, prediction, spread):
 
 @inlined
 def _count(state, y, prediction):
-    """Set the angle origin at the first reading, and estimate the encoder's rounding error."""
+    """Set the angle origin to the first reading, and estimate the encoder's rounding error."""
     if state["anchored"] == 0.0:
         state["origin"] = y - prediction
     rounding = (y - state["reading"]) ** 2 / 12.0

@@ -52,7 +52,7 @@ CALM = 1e-3  # largest R̂ P_ii relative to θ(0)²: a standard deviation of 3 %
 
 class Recursion(NamedTuple):
     """
-    The variables of a prediction-error method.
+    The state of a prediction-error method between two samples.
 
     Attributes
     ----------

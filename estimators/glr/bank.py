@@ -117,7 +117,7 @@ def open_slots(bank, state, now):
 
 @inlined
 def _slot(level, number):
-    """Return the slot that stores the onset with the index ``number`` on a grid level."""
+    """Return the slot that stores the onset ``number`` of one level of the onset grid."""
     return number % PER_LEVEL if level == 0 else MORE * (1 + level) + number % MORE
 
 

@@ -9,7 +9,8 @@ the second filter yields one Gauss–Newton step of the jump size, up to `PASSES
 comparison ranks the candidate jumps by the sum of their normalised squared innovations e²/S and by
 their prior probabilities. Until one candidate jump is clearly the most probable, the estimate is
 the mean over all hypotheses. After the estimator has accepted a candidate jump, the comparison with
-rival jumps is repeated a few times. A rival jump can still replace the accepted jump.
+rival jumps is repeated a few times. A jump of another parameter can still replace the accepted
+jump.
 """
 
 from collections.abc import Sequence

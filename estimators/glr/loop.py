@@ -30,10 +30,10 @@ def glr(blocks, at, bank_block, bank_at, u, y, valid, estimates, trace):  # noqa
     """
     Process new samples until a decision is due, and return the number of processed samples.
 
-    The argument ``blocks`` contains the memory of two joint filters. The second filter processes
-    old samples again, at most `BUDGET` old samples for each new sample. The field ``left`` of the
-    hypothesis bank is the number of old samples that the second filter can still process before the
-    next new sample.
+    ``blocks`` holds the arrays of two filters, each of which estimates parameters and state. The
+    second filter processes old samples again, at most `BUDGET` old samples for each new sample. The
+    field ``left`` of the hypothesis bank is the number of old samples that the second filter can
+    still process before the next new sample.
     """
     state, second = views(Joint, blocks[0], at), views(Joint, blocks[1], at)
     bank = views(Bank, bank_block, bank_at)

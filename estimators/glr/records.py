@@ -45,7 +45,7 @@ class Timing:
     levels : int
         Number of levels of the hypothesis bank.
     first : int
-        Length of the initialisation, or 0 if the structure of the axis is known.
+        Number of samples of the initialisation, or 0 if the structure of the axis is known.
     review : int
         Time after the onset of a jump during which another parameter can replace the detected
         parameter.

@@ -73,7 +73,7 @@ def is_dry(model: Parametrization, period: float) -> bool:
 
 
 def sampled(model: Parametrization, theta: Array, period: float) -> Sampled:
-    """Return the sampled axis for parameters θ (p,); the axis must be linear or fulfil `is_dry`."""
+    """Return the sampled axis for parameters θ (p,); it must be linear or satisfy `is_dry`."""
     generator, level, speed = model.blocks(theta)[0] * period, 0.0, 0
     output, generator[-1] = generator[-1] / period, 0.0
     stuck = generator.copy()

@@ -271,7 +271,7 @@ def inverse_of(H: Array, damping: float = 0.0) -> Array:
 
 def pieces(ok: Flags, key: Array | None = None) -> NDArray[np.int64]:
     """
-    Divide the samples into segments with equally many usable samples; return segment numbers (N,).
+    Return the segment number (N,) of each sample; segments have the same number of usable samples.
 
     The segments are intervals of time, or intervals of a signal ``key`` (N,) such as the speed.
     """

@@ -37,7 +37,7 @@ GROUPS = {
     "sensors": "sensor errors and signal delays",
     "mismatch": "effects that the linear model does not describe",
     "nuisance": "parameter changes that are not faults",
-    "known": "faults on axes with wrong assumed parameter values",
+    "known": "faults on axes whose nominal parameter values are wrong",
     "drives": "faults on commercial drives with published friction",
     "control": "the controller uses the parameter estimates",
     "chains": "axes that do not have three masses",

@@ -83,7 +83,8 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "log LOG|REC.nc": ("Path of a log (CSV, MAT, HDF5 or NetCDF) or of a record.", PATH),
     "identify: log LOG|REC.nc|FOLDER": ("Path of a log, a record, or a folder of logs.", PATH),
     "lesson LESSON.toml": (
-        "TOML file of a lesson, whose timed actions replace mouse clicks (default: no lesson).",
+        "TOML file with a lesson, a list of timed actions that replace mouse clicks (default: no "
+        "lesson).",
         {"nargs": "?", **PATH},
     ),
     # which runs

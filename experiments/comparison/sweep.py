@@ -139,7 +139,7 @@ class Runs:
         return list(frame.loc[frame["changed"].astype(bool), "parameter"].unique())
 
     def able(self, scenario: Scenario, text: str) -> bool:
-        """Return whether an estimator setting can run on a scenario."""
+        """Return whether an estimator with a given setting can run on a scenario."""
         try:
             return bool(len(self.of(scenario, text)))
         except (EstimatorError, StudyError):

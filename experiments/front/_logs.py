@@ -1,6 +1,6 @@
 """Work with the logs of a real axis through `import_log`, `identify` and `track`.
 
-Each function returns a `LogResult` object, which contains a table, sentences and figures.
+Each function returns a `LogResult` object, which contains a table, findings and figures.
 """
 
 import sys

@@ -166,7 +166,7 @@ def _agreeing(way: Any, n: Any, scenarios: Any, metrics: Any) -> tuple[Any, Any]
 
 
 def judge_lost(newly: int, regained: int, way: str, alpha: float = ALPHA) -> str:
-    """Return the verdict of McNemar's exact test on the runs that only one estimator lost.
+    """Return the verdict of McNemar's exact test on the runs in which only one estimator diverged.
 
     If the test is not significant, the verdict is "undecided" or "not more". The verdict is
     "undecided" if the candidate newly loses at least one run, and regains at most as many runs as

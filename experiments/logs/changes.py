@@ -51,7 +51,7 @@ class Explained:
         Size of the change from `begin` to `end` relative to the level, and the standard deviation
         of this size.
     level : float
-        Value before the change, at the mean of the covariates.
+        Estimated value before the change, for covariates at their mean values.
     slopes, slope_deviations : ndarray (q,)
         Change of the value per unit of each covariate, and the standard deviation of this change.
     fitted : ndarray (n,)

@@ -173,7 +173,7 @@ class Setup:
         return problem.fit(self.begun(problem).z if z is None else z, **options)
 
     def begun(self, problem: Problem, offset: float = 0.0) -> Fitted:
-        """Fit all unknowns except the parameters and the delay, assuming white noise."""
+        """Fit the initial states, gains and offset at fixed parameters, assuming white noise."""
         along, held = problem.trajectory, problem.held.copy()
         held[: along.p] = held[-1] = True
         rest, gains = replace(problem, held=held), np.zeros(len(self.beside))

@@ -201,7 +201,7 @@ def units_of(record: Record, nominal: Mapping[str, float]) -> str:
 
 
 def free_names(axis: Axis, free: Sequence[str], fix: Sequence[str]) -> tuple[str, ...]:
-    """Return the names of the parameters to identify: `free`, or all that a log can determine."""
+    """Return the names of the parameters to identify: `free`, or all that a log determines."""
     known = axis.model.parameters
     named = sorted({*free, *fix} - {*LAWFUL})
     axis.having(dict.fromkeys(named, 1.0))  # raises an error for unknown names

@@ -124,7 +124,7 @@ class Log:
     Attributes
     ----------
     u, y : ndarray (N,)
-        Torque in the logged unit, and output [rad/s].
+        Torque in the unit of the log, and measured speed or increment [rad/s].
     ok : ndarray (N,) of bool
         Usable samples.
     period : float

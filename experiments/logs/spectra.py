@@ -153,9 +153,9 @@ def fit_response(setup: Setup, response: Spectra) -> Setup:
 def rough_guess(model: Model, response: Spectra, resonance: float | None) -> dict[str, float]:
     """Return rough parameters of a built-in model, or an empty dict if it has no such guess.
 
-    The guess depends on the total inertia J and the resonance [rad/s]. The inertia is computed from
-    the response |G| ≈ 1/(ω J) at low frequencies. If the resonance is None, it is at the highest
-    peak of ω |G|.
+    The initial values depend on the total inertia J and the resonance frequency [rad/s]. The
+    inertia is computed from the response |G| ≈ 1/(ω J) at low frequencies. If the resonance is
+    None, it is at the highest peak of ω |G|.
     """
     guess = MODELS[model.name].guess
     if guess is None:

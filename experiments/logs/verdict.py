@@ -34,7 +34,7 @@ def judged(search: Search, best: Fit, chosen: Fit, fit: float, record: Record) -
     Parameters
     ----------
     search : Search
-        Search for the model, with the comparisons of additional effects.
+        Model search, which compares the model with and without each additional effect.
     best : Fit
         Best fit of the search, without the held-out pieces of the log.
     chosen : Fit
@@ -140,7 +140,7 @@ def unlike(fit: Fit, usual: float | None) -> str:
     """Return a sentence if a log does not match an identified axis, else an empty string.
 
     The log matches the axis if the simulation error or the fit is near the expected value. The fit
-    alone is not enough, because a log with less motion has a worse fit at the same error.
+    alone is not enough, because less motion at the same absolute error means a worse fit.
 
     Parameters
     ----------

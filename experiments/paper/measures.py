@@ -102,7 +102,7 @@ class Measures(Evidence):
                 for i, j in np.argwhere(slope)}  # fmt: skip
 
     def gradient_error(self) -> ByName:
-        """Return the relative error of the gradient ψ with respect to each parameter.
+        """Return the relative error of each component of the gradient ψ, one per parameter.
 
         The reference for the gradient is a finite difference of the predicted output ŷ.
         """
@@ -255,7 +255,7 @@ class Measures(Evidence):
         return P[:, P.shape[1] // 2 :].mean(axis=(0, 1))
 
     def growth_of_P(self) -> Array:
-        """Return the mean diagonal of P, divided by the mean diagonal with a smaller matrix Δ.
+        """Return the mean diagonal element of P, relative to a run with a smaller covariance Δ.
 
         The first matrix Δ is from equation (32), and the smaller matrix is Δ/16.
         """

@@ -81,7 +81,7 @@ def curves(
     axes: Any = None,
     looks: Looks = USUAL,
 ) -> Figure:
-    """Draw curves in panels below each other, with a shared horizontal axis.
+    """Draw curves in vertically stacked panels with a shared horizontal axis.
 
     Parameters
     ----------

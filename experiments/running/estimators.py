@@ -180,7 +180,7 @@ def _installed() -> dict[str, Any]:
 
 
 def written_options(text: str) -> dict[str, Any]:
-    """Return the estimator options that are written in brackets.
+    """Return the options in the brackets after an estimator name.
 
     Raises
     ------

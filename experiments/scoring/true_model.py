@@ -1,4 +1,4 @@
-"""Build a model with the true nonlinear laws and parameters of an axis, and compute gradients."""
+"""Build the model with the true laws and parameters of an axis, and differentiate its output."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -173,7 +173,7 @@ def _described(scenario: Scenario) -> dict[str, Described]:
 
 
 FINER = 2
-"""Number of integration steps per sample, divided by the number in estimators with nonlinear laws.
+"""Factor by which the model uses more integration steps per sample than estimators with laws.
 
 With twice as many steps as in the estimators, the errors of the bounds are at most 3 % in tests.
 Coulomb friction is an exception, because it is almost discontinuous. The lag bound for Coulomb

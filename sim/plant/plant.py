@@ -230,7 +230,7 @@ def _place(batch: Any, model: Any, place: Place) -> Array:
 
 
 class _LawInEngine:
-    """Parameter values of a nonlinear effect, and the locations of these values in MuJoCo."""
+    """Parameter values of a nonlinear effect, and the fields of MuJoCo that store them."""
 
     def __init__(self, batch: Any, model: Any, law: Nonlinearity) -> None:
         self.values: dict[str, float | Array] = dict(law.law)

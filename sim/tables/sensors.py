@@ -245,7 +245,7 @@ def _added(noise: Array) -> Stage:
 
 
 def _low_pass(time_constant: float, period: float) -> Stage:
-    """Return a function that filters a signal by a first-order low-pass filter."""
+    """Return a function that applies a first-order low-pass filter to a signal."""
     pole = math.exp(-period / time_constant)
     last: Array | float = 0.0
 
