@@ -147,10 +147,9 @@ def benchmark(
         Folder for the result files. If you specify a folder, the function also compares the
         estimators of a suite at equal noise. Without a folder, the results stay in memory.
     **work
-        ``jobs`` is the number of processes (default 1). ``shard`` is a pair of the shard number and
-        the number of shards. ``dask`` is the address of a Dask scheduler. If ``overwrite`` is true,
-        the function deletes old results in `folder`. ``time_limit`` is the time limit for one run
-        of your own estimator [s] (default 600).
+        ``jobs`` is the number of processes (default 1). ``shard`` is (shard number, number of
+        shards). ``dask`` is the address of a Dask scheduler. If ``overwrite`` is true, old results
+        are deleted. ``time_limit`` is the limit for one run of your own estimator [s] (600).
 
     Returns
     -------
