@@ -7,12 +7,22 @@ from acceptance import literal as reference
 from flexaxis.estimators import EstimatorError, registry, three_mass
 from flexaxis.estimators.offline.predictor import predict
 from flexaxis.estimators.offline.priors import (
+    FOLLOWS,
+    FOLLOWS_MEAN,
     default_drift,
     known_P,
     nominal_P,
     stored_P,
 )
 from flexaxis.estimators.protocol import Estimator
+
+
+def test_defaults_are_plausible():
+    """Forgetting factors are below one; the mean time constant is that of the parameters."""
+    for entry in registry.REGISTRY.values():
+        if entry.knob and entry.knob.startswith("1-"):
+            assert 0.9 <= entry.default < 1.0, entry.name
+    assert pytest.approx(np.exp(np.mean(np.log([*FOLLOWS.values()]))), rel=0.02) == FOLLOWS_MEAN
 
 
 @pytest.mark.parametrize("name", registry.REGISTRY)
