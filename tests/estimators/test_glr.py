@@ -6,6 +6,7 @@ from acceptance.banks import T, drawn, glr, tracked
 from acceptance.banks import made as of
 
 from flexaxis.estimators.glr.bank import level_of
+from flexaxis.estimators.glr.cogging import strongest_wave
 from flexaxis.estimators.glr.filter import Glr
 from flexaxis.estimators.glr.records import time_scale
 from flexaxis.estimators.models.axes import N1, one_mass, three_mass
@@ -184,6 +185,17 @@ def test_no_cogging_is_found_where_there_is_none(scenario):
     made, _, _ = tracked(scenario, until=1200)
     assert made.cogging == 0
     assert "c_sin" not in made.learnt and made._work.bank["awake"]
+
+
+@pytest.mark.parametrize("margin", [-0.5, 0.5])
+def test_the_strongest_wave_must_exceed_the_threshold(margin):
+    """The evidence is ½ n ln(χ²/rest) less the price of the unknowns and of the ten waves."""
+    n, d = 2000.0, np.zeros(20)
+    price = 1.5 * np.log(n) + np.log(10)
+    d[6] = np.sqrt(1e6 * n * (1 - np.exp(-2 * (20 + margin + price) / n)))
+    bank = {"chi2": n, "used": n, "pull": d, "repeated": 0.0, "wave_J": 0 * d + 1e6, "wave_d": d}
+    wave = strongest_wave(bank, 1e6)
+    assert wave is None if margin < 0 else wave[0] == 4
 
 
 # ------------------------------------------------------------------ comparisons
