@@ -88,8 +88,7 @@ def test_a_change_is_told_as_what_it_is(form, tmp_path, capsys):
 
 
 def test_after_a_standstill_only_the_change_is_told(tmp_path, capsys):
-    _, told = tracked(tmp_path, capsys, still=2000)
-    assert told["changes"] == []
+    assert not tracked(tmp_path, capsys, still=2000)[1]["changes"]
     friction = np.where(TIME < 14.0, F, 1.5 * F)
     _, told = tracked(tmp_path, capsys, still=2000, friction=friction)
     (change,) = told["changes"]
@@ -98,7 +97,7 @@ def test_after_a_standstill_only_the_change_is_told(tmp_path, capsys):
 
 def test_a_brake_from_outside_is_no_change_of_friction(tmp_path, capsys):
     status, told = tracked(tmp_path, capsys, AXIS, "--identify", "1/J_m", brake=4300)
-    assert status == 0 and told["changes"] == []
+    assert status == 0 and not told["changes"]
     assert "stands still between 17" in (tmp_path / "log-track.html").read_text(encoding="utf-8")
 
 
@@ -123,7 +122,7 @@ def test_gaps_are_no_changes(gaps, tmp_path, capsys):
     for begin in rng.integers(100, N - 100, gaps):
         kept[begin : begin + rng.integers(1, 20)] = False
     status, told = tracked(tmp_path, capsys, kept=kept)
-    assert status == 0 and told["changes"] == []
+    assert status == 0 and not told["changes"]
 
 
 @pytest.mark.parametrize(
