@@ -257,7 +257,7 @@ def with_laws(
     missing = {"f_c": 0.0, "f_s": 0.0, "v_s": 0.0, "sigma_0": 1.0, "sigma_1": 0.0, "v_0": 0.0}
     missing |= {"kappa": 0.0, "gap": 0.0}
     missing |= {"c_sin": 0.0, "c_cos": 0.0} if "poles" in nominal else {}
-    if {"gear_friction", "mu_m"} & nominal.keys():
+    if nominal.get("gear_friction") or "mu_m" in nominal:
         missing |= dict.fromkeys(("mu_m", "mu_e", "mu_ms", "mu_es"), 0.0)
         missing |= dict.fromkeys(("v_s", "sharpness", "v_0"), 1.0)
     empty = real_axis(missing | dict(nominal))

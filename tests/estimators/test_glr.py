@@ -198,6 +198,24 @@ def test_the_strongest_wave_must_exceed_the_threshold(margin):
     assert wave is None if margin < 0 else wave[0] == 4
 
 
+def through(name, seed=0, until=None):
+    """A scenario, glr as the benchmark builds it, and its estimates."""
+    scenario = find_scenario(name)
+    made, record = build(parse("glr"), scenario), simulate(scenario, [seed])[0]
+    y = getattr(record, made.output)
+    return scenario, made, made.run(record.torque[:until], y[:until])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "ratio"), [("bench_kg_step-v1", 0.8), ("xl330_appearing_fc_step-v1", np.nan)]
+)
+def test_a_change_far_above_the_noise_keeps_its_size(name, ratio):
+    """Its innovations reach 200 standard deviations. A friction that was absent has no ratio."""
+    _, made, _ = through(name, seed=1)
+    assert made.findings[0].ratio[0] == pytest.approx(ratio, rel=0.01, nan_ok=True)
+
+
 # ------------------------------------------------------------------ comparisons
 
 
@@ -208,9 +226,7 @@ def test_the_strongest_wave_must_exceed_the_threshold(margin):
 @pytest.mark.parametrize("name", ["mx64_fc_step-v1", "xl330_fm_step-v1"])
 def test_a_drive_has_the_friction_of_its_gear(name):
     """Without it the torque constant is off by 30 and 5 %, the inertia of the arm by 11 and 9 %."""
-    scenario = find_scenario(name)
-    made, record = build(parse("glr"), scenario), simulate(scenario, [0])[0]
-    theta = made.run(record.torque[:1900], getattr(record, made.output)[:1900])
+    scenario, made, theta = through(name, until=1900)
     assert "mu_m" in made.learnt and "sigma_0" not in made.learnt
     assert theta[1000:, 0].mean() == pytest.approx(scenario.nominal.k_T, rel=0.01)
     assert theta[1000:, 1].mean() == pytest.approx(1 / scenario.nominal.J_a, rel=0.015)

@@ -30,6 +30,7 @@ from flexaxis.sim.tables.nonlinear import (
     SaturationConfig,
     StiffeningConfig,
 )
+from tests.sim.motion import distance
 
 T = 0.005
 VALUES = N1 | {
@@ -82,10 +83,6 @@ def unsolved(ready):
     """What a step leaves of its equation, over the size of it."""
     law, mean, gain = ready["laws"][0], ready["lanes"][1], ready["coupling"]
     return abs(mean[0, 0] - law["offset"] - gain[0, 0, 0] * law["local"][0]) / law["reach"]
-
-
-def distance(ours, reference):
-    return np.sqrt(np.mean((ours - reference) ** 2) / np.mean(reference**2))
 
 
 def test_the_search_ends_where_the_laws_hold():

@@ -64,15 +64,10 @@ class Claiming(Told):
     covariance = np.eye(1)
 
 
-def row_of(scenario, name):
-    (row,) = nested(runner_here().rows([scenario], [f"{Path(__file__)}:{name}"], [0]))
-    return row
-
-
 @pytest.mark.parametrize("name", ["Told", "Claiming"])
 def test_they_are_taken_before_the_fault_of_all_the_run(short, name):
     """Both pieces of the run count: with the last one only, S would be 1."""
-    row = row_of(short, name)
+    (row,) = nested(runner_here().rows([short], [f"{Path(__file__)}:{name}"], [0]))
     assert row["nis"] == pytest.approx(1.0, rel=1e-12)
     # alternating signs have r_l = (−1)^l; of n in a row (n+2)/n Σ(n−l) over the lags
     n = 1000

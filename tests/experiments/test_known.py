@@ -52,10 +52,6 @@ class Tracks(Asks):
     names, laws = (*LINEAR, "f_c", "c_sin", "f_s"), True
 
 
-class Dry(Asks):
-    names = ("f_c",)
-
-
 def spec(name):
     return parse(f"{__name__}:{name}")
 

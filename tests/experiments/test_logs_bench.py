@@ -9,6 +9,7 @@ import pytest
 
 from flexaxis.experiments.cli import main
 from flexaxis.sim.record import load_record
+from tests.experiments.command import flexaxis
 
 DATA = Path(os.environ.get("FLEXAXIS_FDITOOLS", "MultisineTypeA.mat"))
 DIGEST = "a15dadc2e756ceddd927935f9c4c547cdcaef95c8611fc39087c848b3a8acb26"
@@ -35,7 +36,7 @@ def identified(tmp_path_factory):
     (folder / "map.toml").write_text(MAP, encoding="utf-8")
     rec, axis = folder / "rec.nc", folder / "axis.toml"
     words = ["--map", folder / "map.toml", "-o", rec]
-    assert main([str(w) for w in ("import", DATA, *words)]) == 0
+    assert main(["import", str(DATA), *map(str, words)]) == 0
     linear = ("--model", "two_mass", "--friction", "none")
     assert main([str(w) for w in ("identify", rec, *linear, "-o", axis)]) == 0
     return rec, axis
@@ -43,8 +44,8 @@ def identified(tmp_path_factory):
 
 def track(capsys, rec, axis, estimator):
     words = ("--identify", "k_T,1/J_l,k", "--start", "1.2", "--estimator", estimator, "--json")
-    status = main([str(w) for w in ("track", rec, "--model", axis, *words)])
-    return status, json.loads(capsys.readouterr().out)
+    status, out, _ = flexaxis(capsys, "track", rec, "--model", axis, *words)
+    return status, json.loads(out)
 
 
 def test_identify_agrees_with_an_independent_fit(identified):

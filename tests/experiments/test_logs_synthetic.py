@@ -9,8 +9,8 @@ from scipy.signal import lfilter
 
 from flexaxis.estimators.offline.prediction_error import noise_model
 from flexaxis.estimators.offline.trajectory import delayed
-from flexaxis.experiments.cli import main
 from flexaxis.experiments.logs.importing import import_log
+from tests.experiments.command import flexaxis
 
 T = 0.001
 TRUTH = {"J_m": 4e-3, "J_l": 6e-3, "k": 400.0, "d": 0.05, "f_m": 0.05, "f_l": 0.03}
@@ -54,12 +54,6 @@ def columns():
     return {"t": np.arange(len(u)) * T, "u": u, "phi": phi}
 
 
-def run(capsys, *words):
-    status = main([str(word) for word in words])
-    out, err = capsys.readouterr()
-    return status, out, err
-
-
 def test_a_change_of_the_torque_constant_is_named(tmp_path, capsys):
     u, phi = bench(change=0.9)
     log = write_csv(
@@ -69,7 +63,7 @@ def test_a_change_of_the_torque_constant_is_named(tmp_path, capsys):
     nominal = "\n".join(f"{name} = {value}" for name, value in TRUTH.items())
     axis.write_text(f'model = "two_mass"\n[nominal]\nk_T = 1.0\n{nominal}\n', encoding="utf-8")
     words = ["--model", axis, "--identify", "k_T,1/J_l,k", "-o", tmp_path / "est.nc", "--json"]
-    status, out, _ = run(capsys, "track", log, *words)
+    status, out, _ = flexaxis(capsys, "track", log, *words)
     (change,) = json.loads(out)["changes"]
     assert status == 1 and change["name"] == "k_T"
     assert abs(change["time"] - 4.0) <= 0.25  # forty windows of 0.2 s
@@ -84,7 +78,7 @@ def test_a_delayed_torque_is_recovered(tmp_path, capsys, fraction):
     log = write_csv(
         tmp_path / "log.csv", {"time": np.arange(len(u)) * T, "torque": u, "angle": phi}
     )
-    _, out, err = run(
+    _, out, err = flexaxis(
         capsys, "identify", log, "--model", "two_mass", "--json", "-o", tmp_path / "a.toml"
     )
     told = json.loads(out)["estimates"]

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from flexaxis.experiments.cli import main
+from tests.experiments.command import flexaxis
 
 J, F, T, N = 0.01, 0.05, 0.004, 5000  # of one mass, k_T = 1; s; samples
 TIME = T * np.arange(N)
@@ -50,9 +50,9 @@ def written(  # noqa: PLR0917
 def tracked(tmp_path, capsys, axis=AXIS, *more, **log):
     source, toml = written(tmp_path / "log.csv", **log), tmp_path / "axis.toml"
     toml.write_text(axis)
-    words = ["track", source, "--model", toml, "--identify", "f_m", "--json", *more]
-    status = main([str(word) for word in words])
-    return status, json.loads(capsys.readouterr().out)
+    words = ("--model", toml, "--identify", "f_m", "--json", *more)
+    status, out, _ = flexaxis(capsys, "track", source, *words)
+    return status, json.loads(out)
 
 
 @pytest.mark.parametrize("axis", [AXIS, AXIS.replace("noise = 0.05\n", "")])
@@ -140,5 +140,5 @@ def test_an_axis_with_dry_friction_needs_an_estimator_that_knows_it(tmp_path, ca
     assert told["last"].keys() == {"f_m", "f_c"}  # k_T is only a scale
     written(tmp_path / "log.csv")
     words = ["track", tmp_path / "log.csv", "--model", tmp_path / "axis.toml", "--identify", "f_m"]
-    assert main([*map(str, words), "--estimator", "ekf"]) == 2
-    assert "glr" in capsys.readouterr().err
+    status, _, err = flexaxis(capsys, *words, "--estimator", "ekf")
+    assert status == 2 and "glr" in err
