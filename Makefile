@@ -80,7 +80,7 @@ $(VENV)/.browser: EXTRA := [test,docs]
 $(VENV)/.docs: EXTRA := [docs]
 $(VENV)/.core $(VENV)/.test $(VENV)/.check $(VENV)/.browser $(VENV)/.docs: pyproject.toml | $(VENV)/pyvenv.cfg
 	@echo "flexaxis: installing into $(VENV) (a minute or two the first time)"
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".$(EXTRA)" || \
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile -e ".$(EXTRA)" || \
 	  { echo "flexaxis: installation failed; pip's message is above. A connection to a package index is needed once."; exit 1; }
 	@touch $@
 

@@ -233,16 +233,17 @@ class Runner:
                     yield self._after_death(worker, unit, log, error, queue)
 
     def _compile(self, todo: Sequence[Unit], options: Options) -> None:
-        """Compile missing filters on one worker while the other workers simulate records."""
+        """Compile missing filters on one worker while the other workers simulate records.
+
+        The worker compiles the filter of the last estimator first. When the other workers have
+        simulated the records, they compile the remaining filters from the first estimator on.
+        """
         first, *others = self._workers
-        if not (others and options.cache and isinstance(first, Worker) and is_uncompiled()):
-            return
-        pairs = [pair for pair in _pairs(todo) if not pair[1].is_users]
-        compiling = first.submit(_problems, pairs, options)
-        for i, worker in enumerate(others):
-            worker.submit(simulate_units, todo[i :: len(others)], options)
-        while not wait([compiling], timeout=0.5).done:  # the timeout allows Ctrl-C to interrupt
-            pass
+        if others and options.cache and isinstance(first, Worker) and is_uncompiled():
+            pairs = [pair for pair in _pairs(todo) if not pair[1].is_users]
+            first.submit(_problems, pairs[::-1], options)
+            for i, worker in enumerate(others):
+                worker.submit(simulate_units, todo[i :: len(others)], options)
 
     def _after_death(
         self, worker: Any, unit: Unit, log: str, error: BaseException, queue: deque[Unit]
