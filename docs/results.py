@@ -19,7 +19,7 @@ import flexaxis as fx
 from flexaxis.estimators import RECOMMENDED
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.reporting.figures import around, curves, medians
-from flexaxis.experiments.running.run import Runner
+from flexaxis.experiments.running.runner import Runner
 from flexaxis.experiments.running.study import Study
 
 HERE = Path(__file__).parent

@@ -19,7 +19,7 @@ from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.signals import increment
 
 if TYPE_CHECKING:
-    from flexaxis.estimators.methods.controls import Frozen
+    from flexaxis.estimators.methods.baselines import Frozen
     from flexaxis.estimators.methods.rpem import Rpem
 
 __all__ = [
@@ -39,7 +39,7 @@ RECOMMENDED = "glr"
 
 # Importing numba and scipy takes almost a second, so these names are imported on first use
 _LATER = {
-    "Frozen": "methods.controls",
+    "Frozen": "methods.baselines",
     "Rpem": "methods.rpem",
 }
 

@@ -18,8 +18,8 @@ from flexaxis.estimators.filters.design import (
 )
 from flexaxis.estimators.knob import tunings
 from flexaxis.estimators.models.axes import PAPER, three_mass
-from flexaxis.estimators.models.meaning import moves_as_nominal, moving_poles
 from flexaxis.estimators.models.model import Model
+from flexaxis.estimators.models.parameter_meaning import moves_as_nominal, moving_poles
 from flexaxis.estimators.offline.structure import matrices
 from flexaxis.estimators.signals import find_signal
 

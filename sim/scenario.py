@@ -25,12 +25,13 @@ from flexaxis.sim.parameters import (
     AxisParameters,
     preset,
 )
+from flexaxis.sim.random_draws import drawn
 from flexaxis.sim.tables import friction as rubbing
 from flexaxis.sim.tables import nonlinear as beyond
 from flexaxis.sim.tables import sensors as sensing
 from flexaxis.sim.tables.config import Config, Frozen, NotNegative, Positive, Values, Word
 from flexaxis.sim.tables.controller import ControllerConfig
-from flexaxis.sim.tables.events import Event, changed, drawn, find_events
+from flexaxis.sim.tables.events import Event, changed, find_events
 from flexaxis.sim.tables.excitation import Excitation, Multisine
 from flexaxis.sim.tables.faults import Fault
 from flexaxis.sim.timing import PERIOD, Grid, checked_period, sample_index

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from flexaxis.models_mjcf import model_digest
 from flexaxis.sim.errors import ScenarioError, SimulationError
 from flexaxis.sim.plant.loop import Truth, closed_loop
+from flexaxis.sim.random_draws import stream
 from flexaxis.sim.record import Record
 from flexaxis.sim.scenario import Scenario
-from flexaxis.sim.streams import stream
 from flexaxis.sim.tables.feed_forward import Follower
 from flexaxis.sim.tables.sensors import angle_increment, reading
 

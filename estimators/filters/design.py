@@ -121,19 +121,15 @@ def make_design(
     counted = corrects and output == "angle"
     differences = output == "angle" and not counted
     chosen = counted_angle(model) if counted else find_signal(output).predicted(model, period)
-    sigma = (
-        0.0
-        if noise is None
-        else above_zero("noise", noise, "the standard deviation of the noise in y")
-    )
+    if noise is not None:
+        above_zero("noise", noise, "the standard deviation of the noise in y")
+    sigma = float(noise or 0.0)
     parametrization = chosen.parametrize(model.identify if identify is None else identify)
     p = len(parametrization.names)
     start = finite_vector("theta0", parametrization.theta if theta0 is None else theta0, p)
     lower, upper = _box(start, bounds, np.array(parametrization.additive))
     if forgetting is not None and drift is not None:
-        raise EstimatorError(
-            "the options forgetting and drift are both given, but a filter can use only one"
-        )
+        raise EstimatorError("give either the option forgetting or the option drift, not both")
     modification = np.zeros((p, p)) if drift is None else covariance_matrix("drift", drift, p)
     scale = start if scale is None else finite_vector("scale", scale, p)
     if not scale.all():

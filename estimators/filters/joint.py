@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from flexaxis.estimators.filters.design import Design
 from flexaxis.estimators.filters.state import NUMBERS, bound, first_arrays, project, subtract
 from flexaxis.estimators.models.compiler import fused, inlined, summed
+from flexaxis.estimators.models.matrix_rows import multiply, padded
 from flexaxis.estimators.models.memory import Matrix, Memory, Vector
-from flexaxis.estimators.models.rows import multiply, padded
 from flexaxis.estimators.models.series import Axis, over_sample
 
 Array = NDArray[np.float64]

@@ -6,8 +6,8 @@ from numpy.typing import ArrayLike, NDArray
 from flexaxis.estimators.filters.design import Design
 from flexaxis.estimators.models.compiler import inlined
 from flexaxis.estimators.models.discretisation import plan
+from flexaxis.estimators.models.matrix_rows import padded
 from flexaxis.estimators.models.memory import numbers
-from flexaxis.estimators.models.rows import padded
 from flexaxis.estimators.models.series import axis_arrays
 
 MEMORY = 2.0  # s, memory of R: R has a relative standard deviation of 5 % (400 samples at 5 ms)

@@ -32,8 +32,8 @@ from typing import NamedTuple
 import numpy as np
 
 from flexaxis.estimators.models.compiler import fused, inlined, summed
+from flexaxis.estimators.models.matrix_rows import copy
 from flexaxis.estimators.models.memory import Matrix, Vector
-from flexaxis.estimators.models.rows import copy
 
 ALARM = 7.0  # nats, log odds of any jump at which the comparison of candidates starts
 PER_LEVEL, MORE = 8, 4  # number of onsets on level 0, and on each further level

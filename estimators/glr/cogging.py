@@ -18,8 +18,8 @@ import numpy as np
 
 from flexaxis.estimators.glr.bank import Columns
 from flexaxis.estimators.models.compiler import fused, inlined
+from flexaxis.estimators.models.matrix_rows import multiply
 from flexaxis.estimators.models.memory import Memory, Vector
-from flexaxis.estimators.models.rows import multiply
 
 ALARM = 20.0  # nats, smallest evidence of an accepted wave. The value is three times that of a
 # jump, because a wave is never removed and friction that is not learnt yet makes columns wrong

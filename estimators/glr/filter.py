@@ -7,11 +7,11 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.filters.fault_monitor import begin_anew
 from flexaxis.estimators.filters.filter import RecursiveEstimator
+from flexaxis.estimators.glr.bank_arrays import BUDGET
 from flexaxis.estimators.glr.cogging import strongest_wave
 from flexaxis.estimators.glr.comparison import Comparison
-from flexaxis.estimators.glr.first_seconds import FirstSeconds
+from flexaxis.estimators.glr.initialisation import FirstSeconds
 from flexaxis.estimators.glr.loop import glr
-from flexaxis.estimators.glr.records import BUDGET
 from flexaxis.estimators.glr.workspace import Workspace, take_up
 from flexaxis.estimators.protocol import Finding
 

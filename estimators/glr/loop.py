@@ -6,16 +6,16 @@ from flexaxis.estimators.filters.constrained import draw_estimates
 from flexaxis.estimators.filters.joint import Joint, look, predict, update
 from flexaxis.estimators.filters.noise import judge, learn_torque_noise, show
 from flexaxis.estimators.glr.bank import ALARM, NEVER, correct, mean_of, open_slots, weigh
+from flexaxis.estimators.glr.bank_arrays import BUDGET, Bank
 from flexaxis.estimators.glr.cogging import (
     begin_sums,
     begin_waves,
     carry_waves,
     look_for_waves,
 )
-from flexaxis.estimators.glr.records import BUDGET, Bank
 from flexaxis.estimators.models.compiler import inlined, loop
+from flexaxis.estimators.models.matrix_rows import multiply
 from flexaxis.estimators.models.memory import views
-from flexaxis.estimators.models.rows import multiply
 from flexaxis.estimators.models.series import LAWS
 
 LEARNS = (0.02, 0.003)  # rates of `learn_torque_noise` during and after initialisation

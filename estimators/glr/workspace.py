@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.filters.design import Design
 from flexaxis.estimators.glr.bank import NEVER
-from flexaxis.estimators.glr.records import Timing
+from flexaxis.estimators.glr.bank_arrays import Timing
 from flexaxis.estimators.models.memory import Memory
 
 Array = NDArray[np.float64]

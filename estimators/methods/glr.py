@@ -9,14 +9,14 @@ from numpy.typing import ArrayLike
 from flexaxis.estimators.filters.constrained import told_arrays
 from flexaxis.estimators.filters.design import Design, above_zero, make_design
 from flexaxis.estimators.filters.joint import joint_arrays
+from flexaxis.estimators.glr.bank_arrays import Timing, bank_of, lengths
 from flexaxis.estimators.glr.cogging import FASTEST
 from flexaxis.estimators.glr.filter import Glr
-from flexaxis.estimators.glr.records import Timing, bank_of, lengths
 from flexaxis.estimators.glr.workspace import Workspace
 from flexaxis.estimators.models.axes import with_cogging
-from flexaxis.estimators.models.meaning import fixable, shapes_of_friction, structure
 from flexaxis.estimators.models.memory import Memory
 from flexaxis.estimators.models.model import Model
+from flexaxis.estimators.models.parameter_meaning import fixable, shapes_of_friction, structure
 from flexaxis.estimators.offline.roles import (
     AS_ABSENT,
     AS_TOLD,
@@ -62,7 +62,7 @@ def glr(
     Return the estimator glr, a Kalman filter with a bank of jump hypotheses.
 
     All time spans in the filter are multiples of one axis time scale, as computed by
-    `flexaxis.estimators.glr.records.lengths`.
+    `flexaxis.estimators.glr.bank_arrays.lengths`.
 
     Parameters
     ----------

@@ -28,10 +28,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.models.compiler import fused, inlined
+from flexaxis.estimators.models.implicit_torque import assign, half_drives, react
+from flexaxis.estimators.models.matrix_rows import add, copy, padded, product
 from flexaxis.estimators.models.memory import Cube, Indices, Matrix
 from flexaxis.estimators.models.parametrization import LAW, Parametrization
-from flexaxis.estimators.models.reaction import assign, half_drives, react
-from flexaxis.estimators.models.rows import add, copy, padded, product
 
 SIZES = np.dtype(
     [(name, int) for name in ("n", "held", "order", "parts", "steps", "output")] + [("h", float)]
@@ -75,7 +75,7 @@ class Axis(NamedTuple):
     laws : (L,) records
         Nonlinear torque laws as records of type `flexaxis.estimators.models.parametrization.LAW`.
     drive, coupling, work, lanes, response : arrays
-        Arrays that `flexaxis.estimators.models.reaction.react` uses.
+        Arrays that `flexaxis.estimators.models.implicit_torque.react` uses.
     point : (n+1, 1) array
         Vector ξ = [x; u].
     trail, g, effect : (order, w), (order, w), (entries, w) arrays

@@ -7,9 +7,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.models.compiler import loop
 from flexaxis.estimators.models.discretisation import plan
+from flexaxis.estimators.models.matrix_rows import copy, padded
 from flexaxis.estimators.models.memory import Matrix, Memory, Vector, views
 from flexaxis.estimators.models.parametrization import Parametrization
-from flexaxis.estimators.models.rows import copy, padded
 from flexaxis.estimators.models.series import LAWS, Axis, axis_arrays, over_sample
 
 Array = NDArray[np.float64]

@@ -40,7 +40,7 @@ def predict(
 
     The prediction follows equations (15)–(23). The prediction is exact for a linear model if the
     torque is constant over each sample. For a model with nonlinear torques,
-    `flexaxis.estimators.models.reaction` solves the equations numerically.
+    `flexaxis.estimators.models.implicit_torque` solves the equations numerically.
 
     Parameters
     ----------

@@ -23,8 +23,8 @@ from flexaxis.estimators.filters.design import covariance_matrix, make_design
 from flexaxis.estimators.filters.prediction_error import form, grow
 from flexaxis.estimators.filters.state import subtract
 from flexaxis.estimators.models.compiler import compiled
-from flexaxis.estimators.models.meaning import is_nominal_axis, moves_as_nominal
 from flexaxis.estimators.models.model import Model
+from flexaxis.estimators.models.parameter_meaning import is_nominal_axis, moves_as_nominal
 from flexaxis.estimators.models.parametrization import Parametrization
 from flexaxis.estimators.offline.predictor import as_torque, predict
 from flexaxis.estimators.signals import find_signal

@@ -8,8 +8,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.errors import EstimatorError, did_you_mean
 from flexaxis.estimators.filters.design import above_zero
-from flexaxis.estimators.models.meaning import structure
 from flexaxis.estimators.models.model import Model
+from flexaxis.estimators.models.parameter_meaning import structure
 from flexaxis.estimators.offline.structure import Prior, structure_names
 
 ABSENT = (

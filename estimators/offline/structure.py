@@ -18,8 +18,8 @@ from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.models.axes import N1, PAPER, real_axis, three_mass
 from flexaxis.estimators.models.discretisation import discretize
 from flexaxis.estimators.models.laws import INPUT, LAWS, Law
-from flexaxis.estimators.models.meaning import is_nominal_axis, structure
 from flexaxis.estimators.models.model import Model
+from flexaxis.estimators.models.parameter_meaning import is_nominal_axis, structure
 from flexaxis.estimators.offline.predictor import as_torque, respond
 
 Array = NDArray[np.float64]

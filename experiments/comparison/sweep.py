@@ -22,11 +22,11 @@ from numpy.typing import NDArray
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.knob import Knob, make_knob
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.experiments.comparison.matching import Match, Noise, Setting, match
+from flexaxis.experiments.comparison.equal_noise import Match, Noise, Setting, match
 from flexaxis.experiments.comparison.ranking import MATCHED, NOISIER, QUIETER, REFERENCE, mark
 from flexaxis.experiments.files import StudyError
 from flexaxis.experiments.running.estimators import parse, with_options
-from flexaxis.experiments.running.run import check_failures
+from flexaxis.experiments.running.runner import check_failures
 from flexaxis.experiments.scoring.intervals import mean_interval
 from flexaxis.experiments.scoring.scores import finite
 from flexaxis.experiments.scoring.summary import pool_rows

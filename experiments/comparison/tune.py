@@ -20,7 +20,7 @@ from flexaxis.experiments.comparison.sweep import Run, Runs, Setting, knob_of, r
 from flexaxis.experiments.files import write_text
 from flexaxis.experiments.running.estimators import with_options, written_options
 from flexaxis.experiments.running.progress import LINE
-from flexaxis.experiments.running.run import check_failures
+from flexaxis.experiments.running.runner import check_failures
 from flexaxis.experiments.scoring.intervals import FLOOR
 from flexaxis.sim.errors import FlexaxisError, did_you_mean
 from flexaxis.sim.files import read_toml, toml_text

@@ -10,8 +10,8 @@ from flexaxis.experiments.scoring.bounds import noise_variance
 from flexaxis.experiments.scoring.parameter_names import true_theta
 from flexaxis.sim.parameters import AxisParameters, preset
 from flexaxis.sim.plant.plant import Plant
+from flexaxis.sim.random_draws import stream
 from flexaxis.sim.scenario import scenario_from
-from flexaxis.sim.streams import stream
 from flexaxis.sim.tables.controller import Controller, ControllerConfig
 from flexaxis.sim.tables.excitation import Multisine
 from flexaxis.sim.tables.nonlinear import substeps

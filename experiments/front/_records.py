@@ -18,10 +18,10 @@ from flexaxis.experiments.running.cache import default_cache
 from flexaxis.experiments.studies.definition import seed_of
 from flexaxis.sim.errors import FlexaxisError, unknown
 from flexaxis.sim.plant.loop import Changes, plant_of
+from flexaxis.sim.random_draws import stream
 from flexaxis.sim.record import SIGNALS, Record, load_record
 from flexaxis.sim.scenario import Scenario, scenario_from
 from flexaxis.sim.simulate import simulate as run
-from flexaxis.sim.streams import stream
 from flexaxis.sim.tables.sensors import reading
 
 

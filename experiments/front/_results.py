@@ -17,12 +17,12 @@ from flexaxis.experiments.files import REPORT
 from flexaxis.experiments.gate import gate
 from flexaxis.experiments.gate.report import as_dict, write
 from flexaxis.experiments.reporting import figures
+from flexaxis.experiments.reporting.sentences import answer, failures_in_words, fault_words
 from flexaxis.experiments.reporting.study import over_axis
 from flexaxis.experiments.reporting.tables import between
-from flexaxis.experiments.reporting.words import answer, failures_in_words, fault_words
 from flexaxis.experiments.running import results as engine
 from flexaxis.experiments.running.estimators import text_of
-from flexaxis.experiments.running.run import rerun
+from flexaxis.experiments.running.runner import rerun
 from flexaxis.experiments.studies import benchmark as studies
 from flexaxis.experiments.studies.definition import load_study, seeds_of, study_from, texts_of
 from flexaxis.sim.errors import FlexaxisError
@@ -77,7 +77,7 @@ class Results(engine.Results):
         -------
         table : DataFrame
             Table with one row per run and parameter. The function
-            `flexaxis.experiments.running.run.rerun` describes the columns.
+            `flexaxis.experiments.running.runner.rerun` describes the columns.
         """
         with studies.working(**work) as runner:
             return rerun(self, runner, sample)

@@ -8,7 +8,7 @@ import pandas as pd
 
 from flexaxis.experiments.comparison.tune import Tuned, equally_noisy
 from flexaxis.experiments.files import summary_of
-from flexaxis.experiments.gate.equal_noise import SEEDS, at_equal_noise
+from flexaxis.experiments.gate.match_std import SEEDS, at_equal_noise
 from flexaxis.experiments.gate.pairs import SIDES, Gap, Paired, pair, table
 from flexaxis.experiments.gate.verdict import (
     ALPHA,
@@ -24,7 +24,7 @@ from flexaxis.experiments.gate.verdict import (
 )
 from flexaxis.experiments.running.progress import remark
 from flexaxis.experiments.running.results import Results
-from flexaxis.experiments.running.run import Runner, check_failures
+from flexaxis.experiments.running.runner import Runner, check_failures
 from flexaxis.experiments.scoring.score_table import MARGINS, METRICS
 from flexaxis.sim.errors import FlexaxisError, did_you_mean
 from flexaxis.sim.scenario import Scenario

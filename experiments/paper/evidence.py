@@ -18,7 +18,7 @@ from flexaxis.estimators.offline.predictor import predict
 from flexaxis.estimators.offline.priors import drift_for, steady_P
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.running.cache import default_cache, records
-from flexaxis.experiments.scoring.nominal import nominal_torque
+from flexaxis.experiments.scoring.nominal_torque import nominal_torque
 from flexaxis.experiments.studies.definition import FIRST
 from flexaxis.sim.record import Record
 

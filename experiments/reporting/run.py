@@ -9,7 +9,7 @@ from markupsafe import Markup
 
 from flexaxis.experiments.catalogue.card import in_a_line
 from flexaxis.experiments.comparison.ranking import REFERENCE, faults_of, widest
-from flexaxis.experiments.reporting import figures, page, tables, words
+from flexaxis.experiments.reporting import figures, page, sentences, tables
 from flexaxis.experiments.reporting.styles import assigned
 from flexaxis.experiments.reporting.terminal import equal_noise_table
 from flexaxis.experiments.running.results import Results
@@ -30,7 +30,7 @@ def render(results: Results, summary: Mapping[str, Any]) -> str:
     summary : mapping
         Content of summary.json.
     """
-    title, facts = words.answer(summary)
+    title, facts = sentences.answer(summary)
     rows = tables.flat(summary["rows"])
     drawing = Drawing(results, summary)
     return page.render(
@@ -39,8 +39,8 @@ def render(results: Results, summary: Mapping[str, Any]) -> str:
         facts=facts,
         summary=summary,
         looks=drawing.looks,
-        warning=words.warning(summary["rows"], summary["scenarios"]),
-        failures=words.failures_in_words(summary["failures"]),
+        warning=sentences.warning(summary["rows"], summary["scenarios"]),
+        failures=sentences.failures_in_words(summary["failures"]),
         board=drawing.board(),
         defaults=list(drawing.defaults()),
         sections=[drawing.section(name, rows) for name in drawing.scenarios],
@@ -55,7 +55,7 @@ class Drawing:
 
     def __init__(self, results: Results, summary: Mapping[str, Any]) -> None:
         self.results, self.swept = results, summary.get("tradeoff") or {}
-        self.looks = assigned(words.order_of(summary))
+        self.looks = assigned(sentences.order_of(summary))
         self.draw = partial(page.drawn, looks=self.looks)
         known = {name: entry["definition"] for name, entry in summary["scenarios"].items()}
         known |= self.swept.get("definitions", {})  # scenarios that were run only at equal noise
@@ -68,7 +68,7 @@ class Drawing:
         swept = self.swept
         if not swept.get("matched"):
             return None
-        faults, matched = words.fault_words(swept), faults_of(swept["matched"])
+        faults, matched = sentences.fault_words(swept), faults_of(swept["matched"])
         order = [name for name in self.looks if name in set(matched["estimator"])]
         points, fault = faults_of(swept["points"]), widest(matched)
         nearest = matched[matched["fault"] == fault].set_index("estimator")["nearest"].to_dict()
@@ -119,7 +119,7 @@ class Drawing:
         If the scenario was run only at equal noise, the section contains no scores.
         """
         scenario, own = self.scenarios[name], rows[rows["scenario"] == name]
-        happens = words.happens(scenario.resolved())
+        happens = sentences.happens(scenario.resolved())
         section = {"scenario": scenario, "happens": happens, "line": in_a_line(scenario)}
         if own.empty:
             return section | {"table": None}

@@ -8,10 +8,10 @@ import pandas as pd
 from markupsafe import Markup
 
 from flexaxis.experiments.files import StudyError
-from flexaxis.experiments.reporting import page, tables, words
+from flexaxis.experiments.reporting import page, sentences, tables
 from flexaxis.experiments.reporting.figures import curves, lines, score_map
+from flexaxis.experiments.reporting.sentences import axis_words
 from flexaxis.experiments.reporting.styles import assigned
-from flexaxis.experiments.reporting.words import axis_words
 from flexaxis.experiments.running.results import Results
 from flexaxis.experiments.running.study import is_option
 
@@ -45,7 +45,7 @@ def render(results: Results) -> str:
         looks=looks,
         axes=list(map(axis_words, results.axes)),
         cases=results.cases,
-        failures=words.failures_in_words(results.failures.to_dict("records")),
+        failures=sentences.failures_in_words(results.failures.to_dict("records")),
         figures=[page.drawn(curves, f"{', '.join(o['panels'])} over {o['x']}", looks=looks, **o)
                  for o in shown if o["panels"]],
         maps=list(_maps(results)),

@@ -13,7 +13,7 @@ from rich.markup import escape
 
 from flexaxis.estimators import RECOMMENDED
 from flexaxis.experiments.comparison.ranking import AT_LEAST, AT_MOST, REFERENCE, too_few
-from flexaxis.experiments.reporting import tables, words
+from flexaxis.experiments.reporting import sentences, tables
 from flexaxis.experiments.reporting.tables import Cell, Table, between, short
 
 NOTES = {REFERENCE: "the paper’s method", RECOMMENDED: "recommended", "frozen": "never moves"}
@@ -74,7 +74,7 @@ def equal_noise_table(swept: Mapping[str, Any]) -> Table:
         Entry ``tradeoff`` of summary.json. The entry contains ``matched``, ``overall`` and
         ``definitions``.
     """
-    few, faults, cells = too_few(swept["matched"]), words.fault_words(swept), {}
+    few, faults, cells = too_few(swept["matched"]), sentences.fault_words(swept), {}
     for row in swept["overall"]:
         text, ends = f"{AT_LEAST.get(row['how'], '')}{row['score']:.0f}", row["score_interval"]
         cells[row["estimator"], ""] = Cell(text, row["score"], between(ends), row["leads"])

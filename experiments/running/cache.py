@@ -16,7 +16,7 @@ from pathlib import Path
 
 import h5py
 
-from flexaxis.experiments.scoring.nominal import nominal_runs
+from flexaxis.experiments.scoring.nominal_torque import nominal_runs
 from flexaxis.sim.files import atomic
 from flexaxis.sim.record import SIGNALS, Record
 from flexaxis.sim.scenario import Scenario

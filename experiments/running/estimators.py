@@ -311,7 +311,7 @@ def _registered(key: bytes) -> Any:
 
 def _known(spec: Spec, scenario: Scenario, nominal: Mapping[str, float]) -> dict[str, Any]:
     """Return the keyword arguments of a constructor, such as `identify` and `output`."""
-    from flexaxis.experiments.scoring.nominal import design_torque, nominal_torque
+    from flexaxis.experiments.scoring.nominal_torque import design_torque, nominal_torque
 
     laws = bool(getattr(REGISTRY.get(spec.name, spec.make), "laws", False))
     identify = tuple(n for n in scenario.identify if laws or n not in LAW_NAMES)

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.offline.predictor import predict
 from flexaxis.experiments.scoring.bounds import noise_variance
-from flexaxis.experiments.scoring.nominal import nominal_torque
+from flexaxis.experiments.scoring.nominal_torque import nominal_torque
 from flexaxis.experiments.scoring.parameter_names import nominal_theta, started_theta, true_theta
 from flexaxis.experiments.scoring.scores import Track, finite
 from flexaxis.experiments.scoring.true_model import linear_model, reads_encoder

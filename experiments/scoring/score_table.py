@@ -15,8 +15,8 @@ from flexaxis.experiments.scoring import (
     detection,
     excess,
     pooling,
-    recovered,
     scores,
+    tracking_error,
 )
 from flexaxis.experiments.scoring.scores import Track
 
@@ -296,7 +296,7 @@ SCORES: Mapping[str, Score] = {
         ),
         Score(
             "recovered",
-            recovered.recovered_of,
+            tracking_error.recovered_of,
             "Percentage of the fault-induced rms tracking error that a controller avoids by using "
             "the estimates. The percentage is 0 for feed-forward with nominal parameters, "
             "and 100 if the tracking error is as small as without the fault. The percentage is "
@@ -308,7 +308,7 @@ SCORES: Mapping[str, Score] = {
             short="recov",
         ),
         Score(
-            "recovered_told", recovered.recovered_told_of,
+            "recovered_told", tracking_error.recovered_told_of,
             "Percentage of the fault-induced rms tracking error that a controller avoids by using "
             "the true parameters.", unit="%", pool=pooling.mean,
         ),
@@ -317,8 +317,8 @@ SCORES: Mapping[str, Score] = {
             lambda track, _: track.tracking,
             "Tracking errors for the score `recovered`, and the number of samples at which the "
             "feed-forward parameters were limited.",
-            pool=pooling.parts(recovered.PARTS),
-            parts=recovered.PARTS,
+            pool=pooling.parts(tracking_error.PARTS),
+            parts=tracking_error.PARTS,
         ),
     )
 }  # fmt: skip

@@ -95,7 +95,8 @@ class Track:
         Whether the estimator raised an exception or its process died. A failed estimator has no
         estimates.
     tracking : mapping, optional
-        Tracking errors of a controller that uses the estimates, from `scoring.recovered.tracking`.
+        Tracking errors of a controller that uses the estimates, from the function
+        `scoring.tracking_error.tracking`.
     """
 
     scenario: Scenario

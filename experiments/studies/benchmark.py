@@ -27,7 +27,7 @@ from flexaxis.experiments.running.cache import default_cache, keep_nominal_runs
 from flexaxis.experiments.running.case import Options, run_unit
 from flexaxis.experiments.running.progress import LINE, remark
 from flexaxis.experiments.running.results import Results
-from flexaxis.experiments.running.run import Runner
+from flexaxis.experiments.running.runner import Runner
 from flexaxis.experiments.running.store import CSV
 from flexaxis.experiments.running.study import Study, units
 from flexaxis.experiments.studies.definition import load_study

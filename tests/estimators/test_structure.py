@@ -37,7 +37,7 @@ def test_a_prior_has_the_units_of_the_axis():
 
 def test_the_stored_sizes_are_those_of_the_nominal_reference():
     from flexaxis.experiments.catalogue.find import find_scenario
-    from flexaxis.experiments.scoring.nominal import nominal_torque
+    from flexaxis.experiments.scoring.nominal_torque import nominal_torque
 
     nominal = N1 | {"poles": 24.0, "torque_limit": 1.75}
     torque = nominal_torque(find_scenario("fm_step-v1"))

@@ -66,7 +66,7 @@ class InProcess:
 def no_workers(request, monkeypatch):
     """Fast tests run cases in their own process."""
     if "slow" not in request.keywords:
-        monkeypatch.setattr("flexaxis.experiments.running.run.Worker", InProcess)
+        monkeypatch.setattr("flexaxis.experiments.running.runner.Worker", InProcess)
 
 
 @pytest.fixture(scope="session")

@@ -10,7 +10,7 @@ from typing import Any
 import pandas as pd
 
 from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.running.run import Runner
+from flexaxis.experiments.running.runner import Runner
 from flexaxis.experiments.running.study import Study
 from flexaxis.sim.scenario import Scenario
 

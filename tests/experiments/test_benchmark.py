@@ -25,7 +25,7 @@ def test_a_swept_knob_is_matched_at_equal_noise(short, tmp_path, monkeypatch):
     def progress(what, total):
         yield done.append
 
-    monkeypatch.setattr("flexaxis.experiments.running.run.progress", progress)
+    monkeypatch.setattr("flexaxis.experiments.running.runner.progress", progress)
     results = benchmark(short, runner_here(tmp_path), swept=swept)
     assert sum(done) >= 3 * (2 + 5 + 1)  # the reference is among the settings
     assert [row["estimator"] for row in summary_of(results.folder)["tradeoff"]["matched"]] == names

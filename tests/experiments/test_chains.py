@@ -40,7 +40,7 @@ def unknown(request, monkeypatch):
     def never(*_, **__):
         raise AssertionError("it was simulated")
 
-    for place in ("experiments.running.cache", "experiments.scoring.nominal"):
+    for place in ("experiments.running.cache", "experiments.scoring.nominal_torque"):
         monkeypatch.setattr(f"flexaxis.{place}.simulate", never)
     return chain()
 

@@ -7,7 +7,7 @@ from flexaxis.estimators.models.axes import three_mass
 from flexaxis.estimators.offline.predictor import predict
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.scoring.excess import information
-from flexaxis.experiments.scoring.nominal import nominal_torque
+from flexaxis.experiments.scoring.nominal_torque import nominal_torque
 from flexaxis.experiments.scoring.pooling import excess
 
 NAMES = ("k_T", "1/J_a", "f_m")

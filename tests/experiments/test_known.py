@@ -11,7 +11,7 @@ from flexaxis.experiments.catalogue.card import in_a_line
 from flexaxis.experiments.catalogue.find import find_scenario, scenarios
 from flexaxis.experiments.running.estimators import Spec, build, parse
 from flexaxis.experiments.scoring.excess import information
-from flexaxis.experiments.scoring.nominal import design_torque
+from flexaxis.experiments.scoring.nominal_torque import design_torque
 from flexaxis.experiments.scoring.parameter_names import (
     started_nominal,
     started_theta,

@@ -5,7 +5,7 @@ import pytest
 
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.running.estimators import build, parse
-from flexaxis.experiments.scoring.recovered import COSTS, TrueParameters, recovered, tracking
+from flexaxis.experiments.scoring.tracking_error import COSTS, TrueParameters, recovered, tracking
 from flexaxis.sim.simulate import simulate
 
 SHORT = {"duration": 9.0, "fault[0].at": 4.0, "burn_in": 1.0}
@@ -26,7 +26,7 @@ def test_it_is_of_the_loop_that_the_record_is_of():
     assert found["estimated"] == pytest.approx(found["frozen"], rel=1e-12) and not found["limited"]
     whole = MOVES.override({"fault": []}, inherit=True)
     (faulty,), (intact,) = simulate(MOVES, [3]), simulate(whole, [3])
-    from flexaxis.sim.streams import stream
+    from flexaxis.sim.random_draws import stream
 
     path = MOVES.excitation.reference(MOVES.grid, stream(MOVES.key, 3, "excitation"))
     assert found["frozen"] == pytest.approx(rms(path, faulty), rel=1e-12)

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from flexaxis.experiments.comparison.ranking import faults_of
-from flexaxis.experiments.reporting import figures, page, study, styles, terminal, words
+from flexaxis.experiments.reporting import figures, page, sentences, study, styles, terminal
 from flexaxis.experiments.reporting.figures import Series
 
 SEEDS = 8
@@ -75,7 +75,7 @@ def every(rows, **change):
     ],
 )  # fmt: skip
 def test_the_title_is_the_answer(rows, title):
-    assert words.answer(summary(rows))[0] == title
+    assert sentences.answer(summary(rows))[0] == title
 
 
 def swept(estimator, factor, lag):
@@ -110,10 +110,10 @@ def test_what_must_not_be_missed():
             for name, bias in (("a", 34.0), ("b", -49.0), ("c", 40.0), ("glr", 0.0))]  # fmt: skip
     plain = [pooled("a"), pooled("glr")]
     scenarios = {"dry": dry, "s1": {"definition": {"fault": [STEP]}}}
-    text, place = words.warning(plain + rows, scenarios)
+    text, place = sentences.warning(plain + rows, scenarios)
     assert place == "dry" and text.startswith("With dry friction that the model lacks")
     assert "every estimator except glr are biased by 34–49 %" in text
-    assert words.warning(plain, scenarios) is None
+    assert sentences.warning(plain, scenarios) is None
 
 
 def test_nothing_to_draw_is_no_error():

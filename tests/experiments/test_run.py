@@ -14,7 +14,7 @@ from engine_cases import short, small_study, user_file
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.running.results import Results
-from flexaxis.experiments.running.run import Runner
+from flexaxis.experiments.running.runner import Runner
 from flexaxis.experiments.running.store import ROWS, Store
 from flexaxis.experiments.running.study import Study
 
@@ -88,7 +88,7 @@ def test_an_estimator_that_cannot_be_made_stops_the_run_before_it_begins():
 SCRIPT = """
 from pathlib import Path
 from engine_cases import small_study
-from flexaxis.experiments.running.run import Runner
+from flexaxis.experiments.running.runner import Runner
 with Runner(Path("rows")) as runner:
     print("begun", flush=True)
     runner.run(small_study("{file}:Slow", seeds=8), about={{}})

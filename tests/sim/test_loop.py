@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from flexaxis.sim.random_draws import stream
 from flexaxis.sim.simulate import simulate
-from flexaxis.sim.streams import stream
 
 from .conftest import held, system
 

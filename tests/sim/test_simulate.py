@@ -7,9 +7,9 @@ import pytest
 
 from flexaxis.sim.errors import SimulationError
 from flexaxis.sim.parameters import PARAMETER_NAMES
+from flexaxis.sim.random_draws import stream
 from flexaxis.sim.record import Record
 from flexaxis.sim.simulate import simulate
-from flexaxis.sim.streams import stream
 
 from .conftest import commanded, exact_speed
 

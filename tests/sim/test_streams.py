@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from flexaxis.sim.streams import stream
+from flexaxis.sim.random_draws import stream
 
 KEYS = [("a", 0, "x"), ("b", 0, "x"), ("a", 1, "x"), ("a", 0, "y"), ("a", 10, "x"), ("a1", 0, "x")]
 

@@ -4,7 +4,7 @@ from functools import cache
 
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.scoring.nominal import nominal_torque
+from flexaxis.experiments.scoring.nominal_torque import nominal_torque
 from flexaxis.experiments.scoring.parameter_names import started_nominal
 from flexaxis.sim.simulate import simulate
 

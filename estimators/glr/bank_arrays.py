@@ -11,7 +11,7 @@ from flexaxis.estimators.filters.constrained import Told
 from flexaxis.estimators.filters.design import Design, at_least_zero
 from flexaxis.estimators.glr.bank import MORE, NEVER, PER_LEVEL, Columns
 from flexaxis.estimators.glr.cogging import Waves
-from flexaxis.estimators.models.meaning import moving_poles
+from flexaxis.estimators.models.matrix_rows import padded
 from flexaxis.estimators.models.memory import (
     Cube,
     Indices,
@@ -21,7 +21,7 @@ from flexaxis.estimators.models.memory import (
     numbers,
 )
 from flexaxis.estimators.models.model import Model
-from flexaxis.estimators.models.rows import padded
+from flexaxis.estimators.models.parameter_meaning import moving_poles
 from flexaxis.estimators.signals import find_signal
 
 Array = NDArray[np.float64]

@@ -14,8 +14,8 @@ import numpy as np
 from flexaxis.estimators.models.compiler import fused, inlined
 from flexaxis.estimators.models.law_torques import force
 from flexaxis.estimators.models.laws import MOST_ROLES
+from flexaxis.estimators.models.matrix_rows import add, add_slopes
 from flexaxis.estimators.models.parametrization import F_S, F_W, ROLE, S_S, S_W, F, S
-from flexaxis.estimators.models.rows import add, add_slopes
 
 MOST_STEPS = 100  # largest number of steps of the search; two or three usually suffice
 TURNS = 6  # number of Newton steps after which torques that fall with their drive count as
