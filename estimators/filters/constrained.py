@@ -1,13 +1,13 @@
 """
-Parameter estimates that are shrunk towards nominal values unless the data contradict them.
+Shrinkage of parameter estimates towards nominal values, unless the data contradict these values.
 
 Each additional parameter that a filter estimates increases the variance of all other estimates,
-even if the nominal value of the additional parameter is correct. Let μ and Σ be the mean and
-covariance of all parameters, let s₀ be the nominal values of a parameter group s, and let χ² = (μ_s
-− s₀)ᵀ Σ_ss⁻¹ (μ_s − s₀). If the nominal values s₀ are exact, the conditional estimate of all
-parameters is μ + Σ_·s Σ_ss⁻¹ (s₀ − μ_s). The shrunk estimate is a weighted mean of the filter's
-estimate μ and the conditional estimate given s₀. The following formula gives the weight w of the
-conditional estimate:
+even if the nominal value of the additional parameter is correct. Let μ be the filter's estimate of
+all parameters, and let Σ be the covariance of μ. Let s₀ be the nominal values of a parameter group
+s. The normalised squared deviation of the estimate from s₀ is χ² = (μ_s − s₀)ᵀ Σ_ss⁻¹ (μ_s − s₀).
+The conditional estimate of all parameters, which takes the nominal values s₀ as exact, is μ + Σ_·s
+Σ_ss⁻¹ (s₀ − μ_s). The shrunk estimate is a weighted mean of the filter's estimate μ and the
+conditional estimate given s₀. The following formula gives the weight w of the conditional estimate:
 
     w = 1/(1 + exp(½(χ² − c))),
 
@@ -15,10 +15,11 @@ The constant c is the 95 % quantile of the χ² distribution for the number of p
 group. If the constant c were twice the number of parameters, the weight w would be the Akaike
 weight in section 2.9 of *Model selection and multimodel inference* (Burnham and Anderson, 2002). A
 wrong nominal value shifts an estimate by at most about √c standard deviations, where c is the 95 %
-quantile. If the weights were Bayes factors, the estimates would remain near a wrong nominal value
-for far longer. The shrinkage is applied to one parameter group after the other. The shrinkage does
-not change the filter state. Each parameter group adds w(1 − w) d dᵀ to the covariance, where w is
-the weight of the conditional estimate and d is its difference from the filter's estimate μ.
+quantile of the χ² distribution. If the weights were Bayes factors, the estimates would remain near
+a wrong nominal value for far longer. The shrinkage is applied to one parameter group after the
+other. The shrinkage does not change the filter state. For each parameter group, the term w(1 − w) d
+dᵀ is added to the covariance, where w is the weight of the conditional estimate, and d is the
+difference between the conditional estimate and the filter's estimate μ.
 """
 
 from collections.abc import Sequence
@@ -44,21 +45,21 @@ class Told(NamedTuple):
     union : (u,) array
         Indices in θ of the parameters that are tracked or belong to a parameter group.
     members, values : (groups, most) arrays
-        For each parameter group, the positions of its members in ``union``, padded with −1, and the
-        nominal values of the members.
+        Positions in ``union`` of the members of each parameter group, padded with −1, and nominal
+        values of the members.
     limit : (groups,) array
-        Quantile c of each group.
+        Quantile c of the χ² distribution for each parameter group.
     drawn : (u,) array
         Parameter estimates after shrinkage towards the nominal values.
     mean, column : (u,) arrays
-        Estimate given the nominal values of the group being processed, and the column of P that
-        belongs to the parameter being processed.
+        Estimate given the nominal values of the current group, and column of P that belongs to the
+        current parameter.
     drawn_P, drawn_between : (u, u) arrays
         Weighted mean of the covariances of the filter's estimate and of the conditional estimate,
         and the covariance due to the difference between the two estimates. The sum of ``drawn_P``
         and ``drawn_between`` is the covariance of ``drawn``.
     P : (u, u) array
-        Covariance of the estimate given the nominal values of the group being processed.
+        Covariance of the estimate given the nominal values of the current group.
     """
 
     union: Indices
@@ -110,7 +111,7 @@ def draw_estimates(told, P, theta, estimates):
     """
     Shrink the filter's estimates towards nominal values, and write the result to `estimates` (q,).
 
-    The arguments θ (p,) and P are the filter's estimates and covariance before the shrinkage. The
+    The arguments are the filter's estimates θ (p,) and their covariance P before the shrinkage. The
     covariance of the shrunk estimates is ``drawn_P + drawn_between``.
     """
     union, drawn, drawn_P = told.union, told.drawn, told.drawn_P
@@ -130,9 +131,9 @@ def _draw(told, g):
     """
     Shrink the estimates towards the nominal values of one parameter group.
 
-    To compute the estimate given the nominal values, the function treats each nominal value in turn
-    as a noise-free measurement. The function skips a parameter with zero conditional variance,
-    because the previous nominal values already determine this parameter.
+    The function treats each nominal value in turn as a noise-free measurement, which yields the
+    estimate given the nominal values. The function skips a parameter with zero conditional
+    variance, because the previous nominal values already determine this parameter.
     """
     drawn, P, between = told.drawn, told.drawn_P, told.drawn_between
     mean, C, column = told.mean, told.P, told.column

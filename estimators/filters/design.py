@@ -1,4 +1,4 @@
-"""The options of a recursive estimator after checks, with default values for missing options."""
+"""Checked options of a recursive estimator, with default values for missing options."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ DEFAULT_BOX = (0.1, 10.0)  # default bounds, as multiples of θ(0)
 @dataclass(frozen=True)
 class Design:
     """
-    The checked options of a filter in relative parameters η = θ/θ(0), created by `make_design`.
+    The checked options of a filter for the relative parameters η = θ/θ(0); see `make_design`.
 
     The initial value of η is one, regardless of the units and signs of θ.
 
@@ -162,14 +162,14 @@ def make_design(
 
 
 def above_zero(name: str, value: object, what: str) -> float:
-    """Check and return a finite positive number; error messages call the number ``what``."""
+    """Return a number if it is finite and positive; ``what`` describes it in the error message."""
     if _is_number(value) and 0 < value < np.inf:  # type: ignore[operator]
         return float(value)  # type: ignore[arg-type]
     raise EstimatorError(f"{name} is {value!r}, but {what} must be a finite number above 0")
 
 
 def at_least_zero(name: str, value: object, what: str) -> float:
-    """Check and return a finite number ≥ 0; error messages call the number ``what``."""
+    """Return a number if it is finite and ≥ 0; ``what`` describes it in the error message."""
     return (
         0.0
         if _is_number(value) and value == 0
@@ -231,7 +231,8 @@ def covariance_matrix(name: str, value: ArrayLike, p: int) -> Array:
         matrix = np.diag(matrix)
     if matrix.shape != (p, p):
         raise EstimatorError(
-            f"{name} has the shape {matrix.shape}, but {p} parameters need ({p},) or ({p}, {p})"
+            f"{name} has the shape {matrix.shape}, but for {p} parameters the shape must be "
+            f"({p},) or ({p}, {p})"
         )
     scale = np.sqrt(np.abs(np.diag(matrix)))
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -1,24 +1,25 @@
 """
-Detection of a sensor that does not follow the axis, and of a diverged filter that needs a reset.
+Detection of a stuck or saturated sensor, and of a diverged filter that needs a reset.
 
 A sensor reading that repeats while the axis moves indicates a stuck or saturated sensor. Noisy
-analogue readings never repeat exactly, but encoder counts do. The speed computed from an encoder
-has an error of less than one count q per period, with a triangular distribution and the variance
-q²/6. Between two equal readings, the true speed can therefore change by two counts, which are 4.9
-standard deviations of the speed error. The filter treats a sensor as stuck if the prediction ŷ has
-changed by more than four counts (4q) since the sensor first returned its current reading. While the
-sensor is stuck, the filter ignores all samples until the reading changes. The filter also ignores
-later occurrences of the repeated reading, because this reading could be the end of the sensor
-range. If a later reading lies outside the assumed sensor range, the repeated reading was not the
-end of the range, and the filter uses it again.
+analogue readings never repeat exactly, but encoder counts do. If the speed is computed from encoder
+readings, its error is less than q, which is one count per period, and has a triangular distribution
+with the variance q²/6. The true speed can therefore change by up to 2q, or 4.9 standard deviations
+of the speed error, between two equal readings. The filter treats a sensor as stuck if the
+prediction ŷ has changed by more than four counts (4q) since the sensor first returned its current
+reading. While the sensor is stuck, the filter ignores all samples until the reading changes. The
+filter also ignores later occurrences of the repeated reading, because this reading could be the end
+of the sensor range. If a later reading lies outside the assumed sensor range, the repeated reading
+was not the end of the range, and the filter no longer ignores it.
 
-Wrong samples can move the estimate far from the true value before the stuck sensor is detected.
+Before a stuck sensor is detected, its wrong readings can move the estimate far from the true value.
 When the readings of a stuck sensor change again, filters without forgetting and filters that model
 parameter jumps are reset. Any filter is reset if its prediction ŷ is not a number. A filter with
-forgetting recovers without a reset, unless the estimate has reached another local minimum. A filter
-with forgetting is therefore reset only if its residual has been large relative to y and
-autocorrelated for longer than the memory of the filter. The waiting time before a reset doubles
-after each reset, so a filter remains diverged for at most twice as long as the sensor was wrong.
+forgetting recovers without a reset, unless its estimate has reached another local minimum of the
+mean squared residual. A filter with forgetting is therefore reset only if its residual has been
+large relative to y and autocorrelated for longer than the memory of the filter. The waiting time
+before a reset doubles after each reset, so a filter remains diverged for at most twice as long as
+the sensor was wrong.
 
 All thresholds are relative to y or to the noise in y, so the unit of y does not matter.
 """
@@ -36,7 +37,7 @@ LEFT = 0.2  # smallest mean square of a lost filter's residual relative to that 
 ABSURD = 1e2
 """
 Largest accepted ratio of |y| to the largest of three values: |ŷ|, the rms of ŷ, and the standard
-deviation of the noise. The filter does not check the residual of a sample that exceeds the ratio
+deviation of the noise. The filter does not check the residual of a sample with a ratio above
 `ABSURD`. Parameters within their bounds (0.1 to 10 times the nominal value) change y by at most a
 factor of 100.
 """
@@ -54,7 +55,7 @@ KEPT = (
 
 @inlined
 def is_stuck(state, y, prediction, variance):
-    """Return whether the sensor is stuck; ``variance`` is the variance of y − ŷ or NaN."""
+    """Return whether the sensor is stuck; ``variance`` is that of y − ŷ, or NaN if unknown."""
     rails = state["rails"]
     if y < rails[0]:  # the sensor can read a lower value, so this is not the end of the range
         rails[0] = np.nan
@@ -107,8 +108,8 @@ def begin_anew(state: Memory, start: Memory) -> None:
     After a reset, the filter ignores y and predicts the state from the torque alone until the state
     errors have decayed. If the filter used y at once after a reset, it would attribute the state
     errors to the parameters. The filter also estimates the noise variance R again after a reset.
-    Until a new estimate of R is available, the stuck-sensor detection uses the value of R before
-    the reset.
+    Until a new estimate of R is available, the stuck-sensor detection uses the value of R from
+    before the reset.
     """
     kept = {name: np.copy(state[name]) for name in KEPT}
     kept["earlier"] = state["noise"] * (1.0 if np.max(state["anew"]) < 2.0 else np.nan)

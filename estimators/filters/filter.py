@@ -124,7 +124,7 @@ class RecursiveEstimator(ABC):
 
     def run(self, u: ArrayLike, y: ArrayLike, valid: ArrayLike | None = None) -> Array:
         """
-        Process N samples from the current state on, and return the estimates θ (N, p).
+        Process N samples, starting from the current state, and return the estimates θ (N, p).
 
         Parameters
         ----------
@@ -150,7 +150,7 @@ class CompiledFilter(RecursiveEstimator):
     ----------
     loop : callable
         Function ``loop(block, at, u, y, valid, estimates, trace, laws)`` that processes samples.
-        The function ``loop`` writes the relative parameters η after each sample to ``estimates``
+        After each sample, the function ``loop`` writes the relative parameters η to ``estimates``
         (N, p). The columns of ``trace`` (N, 3) receive ŷ, the innovation and the innovation
         variance. The argument ``laws`` is None for a linear model. The function ``loop`` returns
         the number of processed samples. If the function ``loop`` returns a negative number, the

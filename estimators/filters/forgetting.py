@@ -1,5 +1,5 @@
 """
-Forgetting rules, which are equations (9), (10) and (12), or other updates of the matrix P.
+Forgetting rules for the matrix P: equations (9), (10) and (12), and two other update rules.
 
 `forget` selects the forgetting rule by its number. The docstrings in `flexaxis.estimators.methods`
 cite the literature on the forgetting rules.

@@ -1,9 +1,9 @@
 """
 The interacting-multiple-model filter: mode probabilities and mixing of the modes.
 
-Each mode is a Kalman filter that estimates state and parameters (`joint`). Each array that differs
-between modes contains one row for each mode. The first row belongs to the quiet mode, which assumes
-that no parameter jumps.
+Each mode is a Kalman filter that estimates the state and the parameters (`joint`). Each array that
+differs between modes contains one row for each mode. The first row belongs to the quiet mode, which
+assumes that no parameter jumps.
 """
 
 from typing import Annotated, NamedTuple
@@ -79,7 +79,7 @@ def mode(modes, j):
 
 @inlined
 def mixture(now, X):
-    """Return mean and variance of the predicted output over all modes, without sensor noise."""
+    """Return the mean and variance of the output predicted by all modes, without sensor noise."""
     mean, spread = 0.0, 0.0
     for j in range(len(now)):
         mean += now[j]["predicted"] * X[j, -1, 0]
@@ -91,7 +91,7 @@ def mixture(now, X):
 @inlined
 def weigh(modes, y, noise, estimates):
     """
-    Compute the mode probabilities μ_j ← c_j Λ_j/Σ_i c_i Λ_i, and write the mean of η.
+    Compute the mode probabilities μ_j ← c_j Λ_j/Σ_i c_i Λ_i, and the mean of η over all modes.
 
     The factor c_j is the predicted probability of mode j. The factor Λ_j is the likelihood of the
     innovation of mode j, or one if y is NaN.

@@ -2,11 +2,11 @@
 An extended Kalman filter that jointly estimates the state and the parameters.
 
 The filter models θ as constant during a sampling period, whereas the state x changes. Small
-deviations of the extended state ξ = [θ; x] follow ξ⁺ = F ξ with the transition matrix F = [I 0; G].
-The time update therefore adds only the drift covariance W to the θ block of P. The rows of X
-contain G = ∂x⁺/∂ξ and h = ∂y⁺/∂ξ, the derivatives with respect to ξ at the previous sample. The
-time update of P is postponed until the measurement update, so that one matrix product yields both G
-P and P h.
+deviations δξ of the extended state ξ = [θ; x] satisfy δξ⁺ = F δξ with the transition matrix F = [I
+0; G]. In the θ block of P, the time update therefore only adds the drift covariance W. The rows of
+the array X contain the derivatives G = ∂x⁺/∂ξ and h = ∂y⁺/∂ξ with respect to ξ at the previous
+sample. The time update of P is postponed until the measurement update, so that one matrix product
+yields both G P and P h.
 """
 
 from typing import Annotated, NamedTuple
@@ -73,8 +73,8 @@ def joint_arrays(design: Design, *, rests: bool = False, **more: float) -> dict[
     ----------
     design : Design
     rests : bool
-        Whether each sensor reading that differs from the previous reading updates the noise
-        variance R, even if the axis is at rest.
+        Whether every sensor reading that differs from the previous one is used to update the noise
+        variance R, even while the axis is at rest.
     **more : float
         Initial values of further scalar variables.
     """
@@ -96,7 +96,7 @@ def joint_arrays(design: Design, *, rests: bool = False, **more: float) -> dict[
 
 @inlined
 def predict(state, u, laws):
-    """Predict ξ one sample ahead, and the derivatives of the prediction with respect to ξ."""
+    """Compute the one-sample prediction of ξ and its derivatives with respect to ξ."""
     X, p = state.X, len(state.lower)
     n = len(state.gain) - p
     X[:n, 1:] = 0.0
@@ -120,7 +120,7 @@ def look(state):
 
 @summed
 def _dot(a, b):
-    """Return the scalar product of a and b; the compiler can change the order of the summands."""
+    """Return the scalar product of ``a`` and ``b``; the compiler may reorder the summands."""
     total = 0.0
     for q in range(len(b)):
         total += a[q] * b[q]

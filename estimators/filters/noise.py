@@ -3,14 +3,14 @@ The noise variance R of y, which the user specifies or the filter estimates.
 
 The innovation e = y − ŷ has the variance S = hᵀPh + R. One step of the expectation-maximisation
 algorithm replaces R by hᵀPh R/S + e² R²/S². The filter averages hᵀPh R/S + e² R²/S² over time to
-estimate R. The estimate of R is a recursive form of the method in *An approach to time series
+estimate R. The estimation of R is a recursive form of the method in *An approach to time series
 smoothing and forecasting using the EM algorithm* (Shumway and Stoffer, 1982). A sample contains
 little information about the noise variance R if the uncertainty of ξ dominates the innovation
 variance S.
 
 A parameter change also increases the squared innovation e². The effect of a parameter change on e
-is smooth, so the third difference of e almost removes the effect. A second running mean therefore
-uses the squared third difference (e[k] − 3e[k−1] + 3e[k−2] − e[k−3])²/20 instead of e². The idea of
+is smooth, so it almost vanishes in the third difference of e. A second running mean therefore uses
+the squared third difference (e[k] − 3e[k−1] + 3e[k−2] − e[k−3])²/20 instead of e². The idea of
 using differences comes from *Residual variance and residual pattern in nonlinear regression*
 (Gasser, Sroka and Jennen-Steinmetz, 1986). The estimate of R is the smaller of two running means:
 the mean of e² and the mean of the squared third difference. If the mean of e² and the mean of the
@@ -186,7 +186,7 @@ def _learn(state, spread, square, rough):
 
 @inlined
 def learn_torque_noise(state, rate, lowest):
-    """Update the torque noise variance after a measurement, at a rate determined by `LEARNS`."""
+    """Update the torque noise variance after a measurement, at the adaptation rate ``rate``."""
     square = state["innovation"] ** 2 / state["innovation_variance"]
     if state["first_torque_noise"] > 0.0 and square >= 0.0:  # NaN in a gap
         least, most = lowest * state["first_torque_noise"], HIGHEST * state["first_torque_noise"]

@@ -3,8 +3,8 @@ One update of the recursive prediction-error method, equations (5)–(7), (9), (
 
 All quantities refer to the relative parameters η = θ/θ(0). The matrix P determines the gain K =
 P(t|t) ψ. A second matrix Σ is the actual covariance of the estimate for a noise variance of one.
-Each measurement updates Σ by Σ ← (I − Kψᵀ) Σ (I − Kψᵀ)ᵀ + K Kᵀ. During slow, steady adaptation, the
-actual covariance Σ equals P/2. After a reset of P, Σ differs from P/2.
+The measurement update of Σ is Σ ← (I − Kψᵀ) Σ (I − Kψᵀ)ᵀ + K Kᵀ. During slow, steady adaptation,
+the actual covariance Σ equals P/2. After a reset of P, Σ differs from P/2.
 """
 
 from typing import Annotated, NamedTuple
@@ -69,7 +69,7 @@ class Recursion(NamedTuple):
     P, claim : (p, p) arrays
         Matrices P and Σ.
     psi, gain, before, reach : (p,) arrays
-        The gradient ψ, the product Pψ, the estimate before the update, and the product Σψ.
+        The gradient ψ of ŷ, the product Pψ, the estimate before the update, and the product Σψ.
     prior, granted : (p,) arrays
         Diagonal of P(0), and values up to which the diagonal of P can grow regardless of the
         variance limit. A reset of P increases ``granted``.
@@ -231,8 +231,9 @@ def _learn(now, psi, square):
     """
     Update the noise variance R̂ with a squared residual, and return whether the axis is excited.
 
-    The noise variance R̂ is the arithmetic mean over the first samples and later an exponentially
-    weighted mean. The estimate R̂ does not change while the axis is not excited.
+    The noise variance R̂ is a mean of ε²/(1+ψᵀΣψ): the arithmetic mean over the first samples, and
+    later an exponentially weighted mean. The estimate R̂ does not change while the axis is not
+    excited.
 
     The noise variance R̂ is computed from the residual itself, whereas `filters.noise` also uses
     the third difference of the innovation. The predictor has no process noise, so R̂ must include

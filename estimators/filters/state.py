@@ -100,7 +100,7 @@ def first_arrays(design: Design, width: int, **more: ArrayLike) -> dict[str, NDA
     ----------
     design : Design
     width : int
-        Number of stored values for each state, which are the state itself and its derivatives.
+        Number of values that are stored for each state: the state itself and its derivatives.
     **more : array_like
         Initial values of further scalar variables.
     """
@@ -151,7 +151,7 @@ def project(theta, lower, upper):
 
 @inlined
 def subtract(P, v, w):
-    """Subtract w v vᵀ from P; the lower triangle is copied, so that P remains symmetric."""
+    """Subtract w v vᵀ from P, and copy the lower triangle to the upper one to keep P symmetric."""
     for i in range(len(P)):
         for j in range(i + 1):
             P[i, j] -= w * v[i] * v[j]

@@ -3,9 +3,9 @@ A bank of parameter jump hypotheses for a Kalman filter, in compiled code.
 
 Each hypothesis states that one parameter θ_i jumped at the sample k₀, which is called the onset of
 the jump. A parameter jump of size one changes the estimation error of the filter by a vector δ. At
-the onset of a jump of θ_i, δ is the unit vector e_i. Let h be the output row, F the transition
-matrix and K the gain of the filter in `flexaxis.estimators.filters.joint`. The following equations
-update a hypothesis by one sample:
+the onset of a jump of θ_i, δ is the unit vector e_i. Let h be the output vector, F the transition
+matrix, K the gain, e the innovation and S the innovation variance of the filter in
+`flexaxis.estimators.filters.joint`. The following equations update a hypothesis by one sample:
 
     φ = hᵀδ,  J ← J + φ²/S,  d ← d + φ e/S,  δ ← F δ − K φ.
 
@@ -48,11 +48,11 @@ class Columns(NamedTuple):
     Attributes
     ----------
     D, moved : (m, H), (n+1, H) arrays
-        The columns δ of all hypotheses, and the predicted effect of each column on states and
-        output.
+        The columns δ of all hypotheses, and the predicted effect of each column on the states and
+        the output.
     J, d : (H,) arrays
-        The information sum Σ φ²/S and the score sum Σ φ e/S over the samples for each hypothesis,
-        where φ is the effect of its column δ on the output.
+        For each hypothesis, the information sum Σ φ²/S and the score sum Σ φ e/S over the samples,
+        where φ is the effect of the column δ on the output.
     """
 
     D: Matrix
@@ -70,12 +70,12 @@ def level_of(slot):
 @fused
 def correct(columns, state, e, S):
     """
-    Update the columns δ of all hypotheses by a measurement.
+    Update the columns δ of all hypotheses with a measurement.
 
-    For each hypothesis, the normalised output effect φ = hᵀδ/√S updates the information sum J ← J +
-    φ², the score sum d ← d + φ z, and the column δ ← F δ − K √S φ. The function returns the
-    normalised innovation z = e/√S, or 0 if the measurement is missing. Before the call, the array
-    ``moved`` must contain the product G δ.
+    The function updates the information sum by J ← J + φ², the score sum by d ← d + φ z, and the
+    column by δ ← F δ − K √S φ, where φ = hᵀδ/√S is the normalised output effect of the hypothesis.
+    The function returns the normalised innovation z = e/√S, or 0 if the measurement is missing.
+    Before the call, the array ``moved`` must contain the product G δ.
     """
     D, moved, J, d, gain = columns.D, columns.moved, columns.J, columns.d, state.gain
     n, p, seen = len(moved) - 1, len(state.lower), moved[-1]
@@ -117,7 +117,7 @@ def open_slots(bank, state, now):
 
 @inlined
 def _slot(level, number):
-    """Return the slot that stores the onset ``number`` of one level of the onset grid."""
+    """Return the slot for the onset with the index ``number`` on one level of the onset grid."""
     return number % PER_LEVEL if level == 0 else MORE * (1 + level) + number % MORE
 
 
@@ -157,10 +157,10 @@ def _begin(bank, state, row, now):
 @fused
 def weigh(bank, now):
     """
-    Store κ and the jump sizes and weights of all hypotheses; return the log odds of a jump.
+    Store κ, and the jump size and weight of each hypothesis; return the log odds of a jump.
 
     The code computes the evidence directly as exp ℓ = exp(½ d ν̂/κ) prior/√(1 + J σ²/κ), because a
-    square root is faster than the logarithm in ℓ.
+    square root is faster to compute than the logarithm in ℓ.
     """
     J, d, size, weight, b = bank.columns.J, bank.columns.d, bank.size, bank.weight, bank.now[0]
     precision, prior = bank.precision, bank.prior
@@ -203,7 +203,7 @@ def weigh(bank, now):
 
 @summed
 def _total(a):
-    """Return the sum of all elements of a; the compiler can change the order of the summands."""
+    """Return the sum of all elements of ``a``; the compiler may reorder the summands."""
     total = 0.0
     for c in range(len(a)):
         total += a[c]
@@ -223,7 +223,7 @@ def mean_of(bank, theta, lower, upper):
 
 @summed
 def _sum(a, b):
-    """Return the scalar product of a and b; the compiler can change the order of the summands."""
+    """Return the scalar product of ``a`` and ``b``; the compiler may reorder the summands."""
     total = 0.0
     for c in range(len(a)):
         total += a[c] * b[c]

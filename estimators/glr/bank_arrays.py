@@ -70,8 +70,8 @@ def time_scale(model: Model, period: float) -> float:
     Return the time constant of the slowest oscillation of an axis, in seconds.
 
     For an axis without oscillation, the function returns the time constant of the slowest pole,
-    limited to the range from `FEWEST` to `MOST` samples. The upper limit is necessary because the
-    effect of a torque becomes visible long before a coasting motor comes to rest.
+    limited to the range from `FEWEST` to `MOST` samples. The upper limit excludes the time constant
+    of a coasting motor, because the effect of a torque becomes visible much earlier.
 
     Parameters
     ----------
@@ -160,8 +160,8 @@ class Bank(NamedTuple):
     told : Told
         Parameter groups that are shrunk towards nominal values.
     history : (length, 4) array
-        Ring buffer of the latest samples, with torque, output after the outlier check, noise
-        variance R and torque noise.
+        Ring buffer of the latest samples; each row contains the torque, the output after the
+        outlier check, the noise variance R and the torque noise variance.
     columns, one : Columns
         The columns δ of all hypotheses, and the single column δ of the second filter.
     size, weight, precision, prior : (H,) arrays

@@ -4,12 +4,12 @@ Search for an unknown cogging torque, which is periodic in the motor angle.
 The search for cogging takes place during the initialisation of the estimator. If the model lacks a
 motor torque with the waveform B and the coefficient c, the estimation error of the filter changes
 by c δ. For a parameter jump, the vector δ starts as a unit vector (`flexaxis.estimators.glr.bank`).
-For cogging, the vector δ starts at zero. Each sample adds the effect Γ B of the torque, so that δ ←
-F δ − K φ + Γ B. As for a parameter jump, an information sum J and a score sum d determine the size
-of the torque and the evidence for it. The search tests the sine and the cosine of each integer
-number of waves per revolution. Over many revolutions, the sines and cosines of different waves are
-uncorrelated. If the evidence for the strongest wave is sufficient, a filter whose model includes
-this wave continues from the current state.
+For cogging, the vector δ starts at zero. Each sample adds the effect Γ B of the torque, so the
+recursion is δ ← F δ − K φ + Γ B. As for a parameter jump, an information sum J and a score sum d
+determine the size of the torque and the evidence for it. For each integer number of waves per
+revolution, the search tests a sine and a cosine torque. Over many revolutions, the sines and
+cosines of different waves are uncorrelated. If the evidence for the strongest wave is sufficient,
+the estimator switches to a filter whose model includes this wave, starting from the current state.
 """
 
 from typing import NamedTuple
@@ -96,7 +96,8 @@ def strongest_wave(bank: Memory, variance: float) -> tuple[int, float, float] | 
     The evidence for a wave is reduced by ½ ln n for each unknown of the wave, and by the logarithm
     of the number of tested waves. If successive innovations have a correlation ρ after the wave has
     been subtracted, the number n of samples is divided by (1+ρ)/(1−ρ). The computation of ρ assumes
-    that the part of the innovations due to the wave is fully correlated.
+    that the part of the innovations due to the wave is fully correlated from one sample to the
+    next.
 
     Parameters
     ----------

@@ -1,16 +1,16 @@
 """
-The decision about which parameter jumped, based on a filter re-run for each candidate jump.
+Decide which parameter jumped, by running the filter again with each candidate jump.
 
 The hypothesis bank approximates the effect of a parameter jump as linear in the jump size, which is
-accurate only for small jumps. Therefore the few parameters with the most probable jumps become
+accurate only for small jumps. Therefore only the parameters with the most probable jumps become
 candidates, each with its most probable onset. For each candidate jump, a second filter starts from
 the state stored at the onset, applies the jump, and processes all later samples again. Each pass of
-the second filter yields one Gauss–Newton step of the jump size, up to `PASSES` steps. The
-comparison ranks the candidate jumps by the sum of their normalised squared innovations e²/S and by
-their prior probabilities. Until one candidate jump is clearly the most probable, the estimate is
-the mean over all hypotheses. After the estimator has accepted a candidate jump, the comparison with
-rival jumps is repeated a few times. A jump of another parameter can still replace the accepted
-jump.
+the second filter yields one Gauss–Newton step of the jump size; the number of steps is at most
+`PASSES`. The comparison ranks the candidate jumps by the sum of their normalised squared
+innovations e²/S and by their prior probabilities. Until one candidate jump is clearly the most
+probable, the estimate is the mean over all hypotheses. After the estimator has accepted a candidate
+jump, the comparison with rival jumps is repeated a few times. A jump of another parameter can still
+replace the accepted jump.
 """
 
 from collections.abc import Sequence
@@ -47,7 +47,7 @@ class _Candidate:
     Attributes
     ----------
     index : int
-        Index of the jumping parameter in θ.
+        Index in θ of the parameter that jumps.
     variance : float
         Prior variance of the jump size.
     onset : int
@@ -128,7 +128,7 @@ class Comparison:
         self.forget()
 
     def begin(self) -> None:
-        """Compare the best hypotheses of the bank and the rivals of the last detected jump."""
+        """Start comparing the best hypotheses and the rivals of the last detected jump."""
         self._compare([*self._best(), *self._rest])
 
     def review(self) -> None:
@@ -170,7 +170,7 @@ class Comparison:
         return False
 
     def _best(self) -> list[_Candidate]:
-        """Return candidate jumps of the most probable parameters, each at its best onset."""
+        """Return the most probable jumps, at most one per parameter, each at its best onset."""
         bank, which = self._work.bank, self._work.bank["which"]
         fields = (bank[name].reshape(-1, len(which)) for name in FIELDS)
         J, d, size, precision, prior = fields
@@ -250,7 +250,7 @@ class Comparison:
         return step
 
     def _decide(self) -> None:
-        """Accept the best candidate if it is clearly the most probable; otherwise wait for data."""
+        """Accept the best candidate if it is clearly the most probable, or wait for more data."""
         best = max(self._candidates, key=lambda c: c.evidence)
         self._rest = [c for c in self._rest if c.evidence > -HOPELESS]
         others = [
@@ -269,7 +269,7 @@ class Comparison:
             bank["patience"] = self._now + max(1, (self._now - best.onset) // AGAIN)
 
     def _take(self, chosen: _Candidate) -> bool:
-        """Continue from the accepted candidate; return whether a new jump is reported."""
+        """Continue from the accepted candidate's state; return whether a new jump is reported."""
         work, self._chosen = self._work, None
         bank = work.bank
         step, delta = self._weigh(chosen), bank["one_D"][:, 0].copy()
@@ -325,6 +325,6 @@ class Comparison:
 
 
 def _sized(before: float, after: float, deviation: float) -> dict[str, Any]:
-    """Return the ratio of parameter values after and before a jump, with a 95 % interval."""
+    """Return the ratio of a parameter's values after and before a jump, with a 95 % interval."""
     ratio, half = after / before, Z95 * deviation / abs(before)
     return {"ratio": (float(ratio),), "interval": ((float(ratio - half), float(ratio + half)),)}

@@ -29,8 +29,8 @@ class Glr(RecursiveEstimator):
     plain : Workspace
         Memory of the glr estimator before the first sample.
     rich : Workspace, optional
-        Memory of a filter with cogging, which replaces the memory ``plain`` if the data contain
-        cogging.
+        Memory of a filter whose model includes cogging; this memory replaces ``plain`` if the data
+        contain cogging.
 
     Attributes
     ----------
@@ -44,7 +44,8 @@ class Glr(RecursiveEstimator):
     learnt : dict of str to (float, float)
         Estimated value and standard deviation of every parameter, keyed by parameter name.
     beliefs : dict of str to float
-        Probability of a jump at any onset in the hypothesis bank, keyed by parameter name.
+        Probability that a parameter jumped at any onset in the hypothesis bank, keyed by parameter
+        name.
     fixed_because : dict of str to str
         Reason why a parameter was fixed at its nominal value, keyed by parameter name.
     cogging : int

@@ -7,13 +7,13 @@ filter processes the initialisation samples again, each time from the latest est
 the likelihood increases.
 
 Each pass over the initialisation samples starts from the latest estimates. The initial information
-matrix of a pass is P(0)⁻¹ + D. The additional information D is one tenth of the information after
-the first processing. If a pass started with the prior information P(0)⁻¹ alone, the first samples
-would cause large updates, and the estimates of the pass would be unreliable. At the end of each
-pass, the additional information D is subtracted from the information matrix P⁻¹, so no sample is
-counted twice. Let θ₀ be the prior mean, and let θ₀ + δ be the initial estimate of a pass. After D
-has been subtracted, the correction P (D (θ − θ₀ − δ) − P(0)⁻¹ δ) is added to the final estimate θ
-of the pass.
+matrix of a pass is P(0)⁻¹ + D. The additional information D is one tenth of the information matrix
+after the samples have been processed for the first time. If a pass started with the prior
+information P(0)⁻¹ alone, the first samples would cause large updates, and the estimates of the pass
+would be unreliable. At the end of each pass, the additional information D is subtracted from the
+information matrix P⁻¹, so no sample is counted twice. Let θ₀ be the prior mean, and let θ₀ + δ be
+the initial estimate of a pass. After D has been subtracted, the correction P (D (θ − θ₀ − δ) −
+P(0)⁻¹ δ) is added to the final estimate θ of the pass.
 """
 
 import numpy as np
@@ -50,7 +50,7 @@ class FirstSeconds:
         self._next: Array | None = None  # initial θ of the next pass, if one is due
 
     def begin(self) -> dict[str, str]:
-        """Fix parameters without sufficient excitation; return the reason for each parameter."""
+        """Fix the parameters that the data hardly excite; return the reason for each of them."""
         work, bank, p = self._work, self._work.bank, self._work.p
         theta, P = work.states["theta"][0], work.states["P"][0]
         variance, told = np.diag(P)[:p], work.told
@@ -86,8 +86,8 @@ class FirstSeconds:
         """
         Evaluate a pass over the initialisation data, and set up the next pass if necessary.
 
-        The evaluation of a pass and the setup of the next pass take place after different samples,
-        because each step requires the computing time of many samples.
+        The evaluation of a pass requires the computing time of many samples, and so does the setup
+        of the next pass. The two steps therefore take place after different samples.
         """
         work, states = self._work, self._work.states
         if self._next is not None:
@@ -106,7 +106,7 @@ class FirstSeconds:
         work.bank["awake"] = 1
 
     def _judge(self, theta: Array, P: Array) -> None:
-        """Schedule a further pass that starts from θ (p,), or restore the best pass so far."""
+        """Schedule a further pass from θ (p,), or restore the result of the best pass so far."""
         bank, block = self._work.bank, self._work.states.block
         self._left -= 1
         if np.isfinite(P).all() and bank["cost_first"] < self._cost:
@@ -122,7 +122,7 @@ class FirstSeconds:
         bank["end"], self._left = bank["taken"], 0
 
     def _count_once(self, theta: Array, P: Array) -> None:
-        """Remove the additional information D of a pass from the estimate θ (p,) and P (m, w)."""
+        """Remove the additional information D from the estimate θ (p,) and covariance P (m, w)."""
         work, free = self._work, self._free
         columns, root = P[:, free].copy(), np.linalg.cholesky(self._open)
         left, ways = np.linalg.eigh(root.T @ columns[free] @ root)  # eigenvalues of P D, below one

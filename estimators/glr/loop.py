@@ -30,10 +30,10 @@ def glr(blocks, at, bank_block, bank_at, u, y, valid, estimates, trace):  # noqa
     """
     Process new samples until a decision is due, and return the number of processed samples.
 
-    ``blocks`` holds the arrays of two filters, each of which estimates parameters and state. The
-    second filter processes old samples again, at most `BUDGET` old samples for each new sample. The
-    field ``left`` of the hypothesis bank is the number of old samples that the second filter can
-    still process before the next new sample.
+    ``blocks`` holds the arrays of two filters, each of which estimates the parameters and the
+    state. The second filter processes old samples again, at most `BUDGET` old samples for each new
+    sample. The field ``left`` of the hypothesis bank is the number of old samples that the second
+    filter can still process before the next new sample.
     """
     state, second = views(Joint, blocks[0], at), views(Joint, blocks[1], at)
     bank = views(Bank, bank_block, bank_at)
@@ -58,7 +58,7 @@ def glr(blocks, at, bank_block, bank_at, u, y, valid, estimates, trace):  # noqa
 
 @inlined
 def _measure(state, bank, u, y, valid):
-    """Check a sample for outliers, store the sample, and update filter and hypothesis bank."""
+    """Check a sample for outliers, store it, and update the filter and the hypothesis bank."""
     look(state)
     now = state.now[0]
     used = judge(now, y, valid, state.X[-1, 0], now["spread"])
@@ -71,7 +71,7 @@ def _measure(state, bank, u, y, valid):
 
 @inlined
 def _carry(bank, state, e, S):
-    """Propagate the hypothesis columns by one sample, and update the columns by a measurement."""
+    """Propagate the hypothesis columns by one sample, and update them with a measurement."""
     b, z = bank.now[0], 0.0
     if b["searching"] > 0:
         carry_waves(bank.waves, state.axis, state.G)
@@ -117,7 +117,7 @@ def _go_through(state, bank, latest):
 
 @inlined
 def _think(state, bank, estimates):
-    """Compute hypothesis weights and parameter estimate; return whether a decision is due."""
+    """Compute the hypothesis weights and the estimate; return whether a decision is due."""
     b, mixed = bank.now[0], bank.mixed
     now = b["taken"]
     b["taken"] = now + 1
@@ -164,7 +164,7 @@ def _has_moved(b, waves, s, now):
 @inlined
 def _follow_misfit(b, s):
     """
-    Update the lower limit of the misfit κ, a running mean of e²/S multiplied by (1+ρ)/(1−ρ).
+    Update the lower limit of the misfit κ: the running mean of e²/S, times (1+ρ)/(1−ρ).
 
     The symbol ρ denotes the correlation of successive innovations, which a wrong model increases.
     If innovations are correlated, (1+ρ)/(1−ρ) samples contain as much information as one

@@ -32,11 +32,14 @@ class Workspace:
         Nominal values, in units of the parameter scale, towards which the estimates are shrunk
         (`flexaxis.estimators.filters.constrained`).
     fixable : dict of int to str
-        Parameters that are fixed if the data do not excite them, with the reasons in words.
+        Reason, in words, for fixing a parameter that the data do not excite, keyed by the index of
+        the parameter in θ.
     shapes : sequence of (indices, indices)
-        Dry friction torques, and the parameters that have no effect without dry friction.
+        Indices in θ of dry friction torques, and of the parameters that have no effect without
+        these torques.
     angle : int
-        Index of the motor angle in the state vector, for a model with the motor angle as a state.
+        Index of the motor angle in the state vector, for a model whose state contains the motor
+        angle.
     states : Memory
         Memory of the main filter, and of a second filter that processes old samples again.
     bank : Memory
@@ -138,7 +141,7 @@ class Workspace:
         bank["end_follows"] = int(end is None)
 
     def move(self, direction: Array) -> None:
-        """Add ``direction`` (m,) to the estimate ξ of the second filter, and update the output."""
+        """Add ``direction`` (m,) to the estimate ξ of the second filter, and update its output."""
         theta, X, p = self.states["theta"][1], self.states["X"][1], self.p
         theta[:] = np.clip(theta + direction[:p], self.design.lower, self.design.upper)
         X[:, 0] += X[:, 1 : 1 + len(direction)] @ direction
@@ -165,10 +168,11 @@ def take_up(plain: Workspace, rich: Workspace, wave: tuple[int, float, float]) -
     plain : Workspace
         Memory of the filter without cogging, after the first pass over the initialisation data.
     rich : Workspace
-        Initial memory of the filter with cogging, which the function overwrites. The last three
-        parameters of the filter with cogging are the sine coefficient, the cosine coefficient and
-        the number of cogging waves. The state of the filter with cogging contains the motor angle.
-        All other parameters and states agree with the filter without cogging.
+        Memory of the filter with cogging before its first sample; the function overwrites this
+        memory. The last three parameters of the filter with cogging are the sine coefficient, the
+        cosine coefficient and the number of cogging waves. The state of the filter with cogging
+        contains the motor angle. All other parameters and states are those of the filter without
+        cogging.
     wave : (waves, sine, cosine)
         Cogging wave returned by `flexaxis.estimators.glr.cogging.strongest_wave`.
     """

@@ -1,4 +1,4 @@
-"""Two baselines: a constant estimate, and a prediction-error method with ideal restarts."""
+"""Two baselines: a constant estimate, and a prediction-error method restarted at each change."""
 
 from collections.abc import Sequence
 
@@ -27,8 +27,8 @@ class Frozen(RecursiveEstimator):
     ----------
     model : Model
     identify : sequence of str, optional
-        Names of the identified parameters or inverse parameters; by default, the model's attribute
-        ``identify``.
+        Names of the identified parameters or inverse parameters; by default, the names in the
+        model's attribute ``identify``.
     output : {"speed", "increment", "angle"}
         Type of the output signal y, which the baseline ignores.
 

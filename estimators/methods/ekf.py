@@ -18,15 +18,16 @@ def joint_ekf(design: Design, **torque_noise: float) -> CompiledFilter:
     """
     Return an extended Kalman filter for ξ = [θ; x], where θ is a random walk.
 
-    The parameter model is θ[k+1] = θ[k] + w with the covariance W of w. The state model is x[k+1] =
-    f(x[k], θ[k], u[k]), which is exact if the torque u is constant between samples. The measurement
-    model is y = h(x) + e with the variance σ² of e. If y is an angle, noise also acts on the state
-    that the torque drives (`flexaxis.estimators.filters.noise`). The filter is the standard joint
-    filter, which is analysed in *Asymptotic behavior of the extended Kalman filter as a parameter
-    estimator for linear systems* (Ljung, 1979). Unlike the prediction-error method, the Kalman
-    filter also corrects the state with each measurement. The filter limits the variance of each θ_i
-    to θ_i(0)² by scaling a row and a column of P. The filter skips at most two successive
-    innovations of more than 100 standard deviations.
+    The parameter model is θ[k+1] = θ[k] + w, where w has the covariance W. The state model is
+    x[k+1] = f(x[k], θ[k], u[k]), which is exact if the torque u is constant between samples. The
+    measurement model is y = h(x) + e, where e has the variance σ². If y is an angle, noise also
+    acts on the state that the torque drives (`flexaxis.estimators.filters.noise`). The filter is
+    the standard joint filter, which is analysed in *Asymptotic behavior of the extended Kalman
+    filter as a parameter estimator for linear systems* (Ljung, 1979). Unlike the prediction-error
+    method, the Kalman filter also corrects the state with each measurement. The filter limits the
+    variance of each θ_i to θ_i(0)² by scaling the corresponding row and column of P. The filter
+    skips samples with innovations of more than 100 standard deviations, but at most two such
+    samples in succession.
 
     P is the covariance of the estimation error if θ is a random walk with the covariance W. If θ is
     constant and adaptation is slow, the actual error variance is half of P. After a jump of θ, the

@@ -3,15 +3,15 @@ The prediction-error method with a CUSUM reset of P or with a variable forgettin
 
 The CUSUM rule resets P when the cumulative sum (CUSUM) of squared residuals indicates a change.
 Each sample updates the cumulative sum by g ← max(0, g + 3/8 s − ln 2), where s = ε²/(R̂(1+ψᵀPψ)) is
-the normalised squared residual. The normalised squared residual s is limited to 16, and the noise
-variance R̂ excludes the current sample. The increment of the cumulative sum g is the log-likelihood
-ratio for a fourfold increase of the residual variance, as in *Continuous inspection schemes* (Page,
-1954). When the cumulative sum g exceeds the alarm level, P is set to the covariance of an unknown
-parameter change, and g is set to zero. Chapter 3 of *Adaptive Filtering and Change Detection*
-(Gustafsson, 2000) describes CUSUM tests.
+the normalised squared residual. The normalised squared residual s is limited to 16. The current
+sample is excluded from the noise variance R̂ in s. The increment of the cumulative sum g is the
+log-likelihood ratio for a fourfold increase of the residual variance, as in *Continuous inspection
+schemes* (Page, 1954). When the cumulative sum g exceeds the alarm level, P is set to the covariance
+of an unknown parameter change, and g is set to zero. Chapter 3 of *Adaptive Filtering and Change
+Detection* (Gustafsson, 2000) describes CUSUM tests.
 
-The variable-factor rule computes the forgetting factor λ = σ_q σ_v/|σ_e − σ_v| from the residual,
-with the option ``forgetting`` as upper limit. The filter therefore forgets faster while the
+The variable-factor rule computes the forgetting factor λ = σ_q σ_v/|σ_e − σ_v| from the residual;
+the option ``forgetting`` is the upper limit of λ. The filter therefore forgets faster while the
 residual is large. The variable-factor rule comes from *A robust variable forgetting factor
 recursive least-squares algorithm for system identification* (Paleologu, Benesty and Ciochină,
 2008). The quantities σ_e² and σ_q² are running means of ε² and (ψᵀPψ)² with a memory of 0.3 s. The
@@ -90,7 +90,8 @@ def _variable_forgetting(
     forgetting : float, optional
         Upper limit on the forgetting factor λ per sample.
     level : float
-        Ratio of residual to noise standard deviation above which the filter forgets faster.
+        Ratio of the rms residual to the noise standard deviation, above which the filter forgets
+        faster.
     robust, ceiling : float
         As for `Rpem`.
     """
@@ -108,7 +109,7 @@ def _variable_forgetting(
 ENTRIES = (
     Entry(
         "cusum-reset",
-        "rpem-forgetting, which resets P when a CUSUM test of the residual raises an alarm",
+        "rpem-forgetting with a reset of P when a CUSUM test of the residual raises an alarm",
         _cusum_reset,
         knob="1-forgetting",
         default=0.995,

@@ -73,10 +73,11 @@ def glr(
         the gear load. The torque of the problem determines the prior magnitudes of friction and
         backlash. The filter computes P(0) from the prior of each parameter.
     learn : "auto", "none" or sequence of str
-        Parameters that the filter learns only once. The hypothesis bank also tests jumps of the
-        springs, dampers and motor inertia that are learnt once. If ``learn`` is "auto", the filter
-        learns all parameters that the initialisation data excite, and fixes all others at their
-        nominal values. `Glr.fixed_because` gives the reason for each fixed parameter.
+        Parameters that the filter learns only once. If springs, dampers or the motor inertia are
+        learnt only once, the hypothesis bank also tests jumps of these parameters. If ``learn`` is
+        "auto", the filter learns all parameters that the initialisation data excite, and fixes all
+        others at their nominal values. `Glr.fixed_because` gives the reason for each fixed
+        parameter.
     track : sequence of str
         Names of tracked parameters in addition to ``identify``.
     deviations : mapping of str to float, optional
@@ -85,7 +86,7 @@ def glr(
     walk : float
         Standard deviation of each tracked parameter's random walk after one second, relative to the
         parameter scale. For friction parameters, the standard deviation of the random walk is 4.5
-        times larger.
+        times as large.
     spread : float
         Initial standard deviation of the tracked parameters, relative to the parameter values.
     commissioning : float, optional

@@ -48,7 +48,7 @@ def joint_imm(
         Filter design, as for `flexaxis.estimators.methods.ekf.joint_ekf`. The drift covariance W of
         the design applies to the quiet mode.
     jump : (p,) array_like
-        Variance that a jump mode adds to its parameter θ_i in every sample.
+        For each parameter θ_i, the variance that jump mode i adds in every sample.
     rate : float
         Mean rate of jumps of all parameters together [1/s].
     hold : float

@@ -1,5 +1,5 @@
 """
-The sample loops of the filters; each loop contains one estimation method in a few lines.
+The sample loops of the filters; each loop implements one estimation method in a few lines.
 
 The class `flexaxis.estimators.filters.filter.CompiledFilter` calls the sample loops. The arguments
 of each loop include the memory block of the filter and the positions ``at`` of the arrays in the

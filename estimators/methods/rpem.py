@@ -40,7 +40,8 @@ class Trace(NamedTuple):
     epsilon : (N,) array
         Residuals y − ŷ of equation (6).
     psi : (N, p) array
-        Gradients of ŷ with respect to θ, as in equation (16), at the estimates before each sample.
+        Gradients of ŷ with respect to θ, as in equation (16), evaluated at the estimate before each
+        sample.
     P : (N, p, p) array
         Matrices P(t+1|t) for a noise variance of one.
     covariance : (N, p) array
@@ -98,18 +99,18 @@ class Rpem(CompiledFilter):
         Type of the output signal y: the motor speed at t_k, the increment (φ[k]−φ[k−1])/T of the
         motor angle, or the motor angle φ. The filter converts angles to angle increments.
     state_correction : bool
-        Whether the filter corrects its state after every change Δθ of the estimate by x ← x + z Δθ,
-        where z = ∂x/∂θ. To first order, the corrected state is the state that the new θ would have
-        produced from past inputs. The original method of Östring and Gunnarsson does not correct
-        the state. Without state correction, the estimate follows a parameter jump more slowly and
-        with overshoot.
+        Whether the filter corrects its state after every change Δθ of the estimate. The correction
+        is x ← x + z Δθ, where z = ∂x/∂θ. To first order, the corrected state is the state that the
+        new θ would have produced from past inputs. The original method of Östring and Gunnarsson
+        does not correct the state. Without state correction, the estimate follows a parameter jump
+        more slowly and with overshoot.
     robust : float
         Number of standard deviations to which residuals are clipped, such as 3, or 0 to disable
         clipping. Clipping prevents large estimation errors after an outlier, as described in
-        *Robust estimation of a location parameter* (Huber, 1964). The clipping limit is larger by a
-        factor of (50/k)² at the k-th of the first 50 samples, because R̂ is still inaccurate. If
-        clipping is enabled, the filter also ignores the readings of a stuck or saturated sensor
-        (`flexaxis.estimators.filters.fault_monitor`).
+        *Robust estimation of a location parameter* (Huber, 1964). During the first 50 samples,
+        while R̂ is still inaccurate, the clipping limit at the k-th sample is larger by a factor of
+        (50/k)². If clipping is enabled, the filter also ignores the readings of a stuck or
+        saturated sensor (`flexaxis.estimators.filters.fault_monitor`).
     ceiling : float
         Upper limit on the parameter variance R̂ P_ii relative to θ(0)², unless P(0) or a reset
         allows a larger variance. As long as R̂ is unknown, P_ii is limited to 100 P(0)_ii. The
@@ -129,12 +130,12 @@ class Rpem(CompiledFilter):
         Matrix P(t+1|t) for a noise variance of one. Assign a new value to P to reset the filter
         after a known parameter change.
     covariance : (p, p) array
-        Covariance R̂ Σ that the filter claims for its estimate of a constant θ. Each measurement
-        updates Σ by Σ ← (I − Kψᵀ) Σ (I − Kψᵀ)ᵀ + K Kᵀ with the gain K = P(t|t) ψ. An assignment to
-        P also sets Σ to P. During slow, steady adaptation, the covariance Σ equals P/2. If
-        ``noise`` is given, the noise variance R̂ is its square. Otherwise R̂ is a running mean of
-        ε²/(1+ψᵀΣψ) with a memory of 2 s. The running mean R̂ starts at one and is updated only
-        while the axis is excited.
+        Covariance R̂ Σ that the filter claims for its estimate of a constant θ. The measurement
+        update of Σ is Σ ← (I − Kψᵀ) Σ (I − Kψᵀ)ᵀ + K Kᵀ with the gain K = P(t|t) ψ. An assignment
+        to P also sets Σ to P. During slow, steady adaptation, the covariance Σ equals P/2. If
+        ``noise`` is given, the noise variance R̂ is the square of ``noise``. Otherwise R̂ is a
+        running mean of ε²/(1+ψᵀΣψ) with a memory of 2 s. The running mean R̂ starts at one and is
+        updated only while the axis is excited.
     epsilon : float
         Residual y − ŷ, or NaN if the measurement is missing.
     prediction, innovation, innovation_variance, innovations : float or array
@@ -209,8 +210,8 @@ class Rpem(CompiledFilter):
         """
         Restart the filter for a parameter change that is known to occur at the next sample.
 
-        Let k₀ be the first sample with the new parameters. Call this method after the last sample
-        with the old parameters, sample k₀ − 1. The output y[k₀] still depends only on the old
+        Let k₀ be the first sample with the new parameters. Call this method after sample k₀ − 1,
+        the last sample with the old parameters. The output y[k₀] still depends only on the old
         parameters, and the torque from t_k₀ on acts on the axis with the new parameters. The method
         keeps the state of the axis but sets the sensitivities of the state to zero, because the
         state does not yet depend on the new θ.

@@ -3,8 +3,8 @@
 A process can have only one MuJoCo callback for passive forces. MuJoCo calls this callback whenever
 it computes the passive forces. The callback in this module searches the custom numeric fields of a
 MuJoCo model for rows of friction parameters (see `sim/tables/friction.py`). Each run of a batch has
-its own friction parameters. Models without rows of friction parameters are not affected by the
-callback.
+its own friction parameters. The callback does not affect models without rows of friction
+parameters.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def install() -> None:
 
 @cache
 def _layout() -> tuple[int, ...]:
-    """Return the memory offsets of all MuJoCo fields that the callback uses [8 bytes].
+    """Return the memory offsets, in units of 8 bytes, of all MuJoCo fields that the callback uses.
 
     The callback reads three fields of the MuJoCo model: the number of custom numbers, their
     address, and the transmission ratio of the first actuator. The callback also uses four fields of
@@ -66,7 +66,7 @@ def _layout() -> tuple[int, ...]:
 
 
 def _find(structure: Any, value: int) -> int:
-    """Return the index of the first 8-byte word in a MuJoCo structure that is equal to `value`."""
+    """Return the index of the first 8-byte word that equals `value` in a MuJoCo structure."""
     words = (ctypes.c_int64 * (_SEARCHED // 8)).from_address(structure._address)
     for i in range(len(words)):
         if words[i] == value:
@@ -112,7 +112,7 @@ def _compiled() -> Any:
 
 
 def _any_of(laws: list[Any], code: int = 0) -> Callable[..., float]:
-    """Combine friction laws in one function, which selects the law from a row of parameters."""
+    """Combine friction laws in one function that selects a law by the code in a parameter row."""
     # `register_jitable` instead of `njit`, because NUMBA_DISABLE_JIT turns `njit` off
     from numba.extending import register_jitable
 

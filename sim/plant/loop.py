@@ -60,8 +60,8 @@ def closed_loop(
         Desired motor angle [rad].
     white : callable
         Function that takes the purpose of the noise, such as "noise.speed", and returns white noise
-        (N, R) with standard deviation 1. The simulation adds noise to the torque and to the sensor
-        signals.
+        with standard deviation 1 in an array (N, R). The simulation adds noise to the torque and to
+        the sensor signals.
     followers : sequence of Follower or None
         Estimator of each run, which is used only if the controller has a feed-forward. By default,
         no run has an estimator in the control loop.
@@ -177,8 +177,8 @@ class _Drive:
     def advance(self, target: Array, next_target: Array, angle: Array) -> Array:
         """Simulate one sample, and return the logged torque of each run [N m].
 
-        The argument `angle` contains the motor angle of each run that the controller reads at the
-        start of the sample [rad].
+        For each run, the argument `angle` contains the motor angle [rad] that the controller reads
+        at the start of the sample.
         """
         commands = []
         for tick in range(self._ticks):

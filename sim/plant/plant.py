@@ -31,7 +31,7 @@ _KINDS = {"dof": "joint", "actuator": "actuator"}
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Prevent MuJoCo from printing warnings or writing warnings to a file in the user's folder.
+    """Prevent MuJoCo from printing warnings, or writing them to a file in the user's folder.
 
     MuJoCo still counts its warnings, and `Plant.step` raises an error if there is a warning. The
     context manager affects all MuJoCo simulations of the process.
@@ -48,8 +48,8 @@ def quiet() -> Iterator[None]:
 class Plant:
     """Several axes that are simulated in parallel, with a constant torque during each sample.
 
-    All axes start at rest at angle zero. The simulated signals of an axis are bitwise the same for
-    any number of parallel axes.
+    All axes start at rest at angle zero. The simulated signals of an axis are bitwise identical,
+    however many axes are simulated in parallel.
 
     Parameters
     ----------
@@ -202,7 +202,7 @@ def _compile(model: str, timestep: float, nonlinear: Sequence[Nonlinearity]) -> 
 
 
 def _parameter_places(batch: Any, names: Sequence[str]) -> Iterator[Array]:
-    """Yield the MuJoCo array with the values of each parameter in `names`, with one row per run.
+    """For each parameter in `names`, yield the MuJoCo array of its values, with one row per run.
 
     The inertias must be in the order of the bodies, and the stiffnesses in the order of the
     tendons.
@@ -219,7 +219,7 @@ def _parameter_places(batch: Any, names: Sequence[str]) -> Iterator[Array]:
 
 
 def _place(batch: Any, model: Any, place: Place) -> Array:
-    """Return the MuJoCo array with the numbers at a location in the model, with one row per run."""
+    """Return the MuJoCo array of the values at `place` in the model, with one row per run."""
     values: Array = batch.expand(place.field)
     match place.field:
         case "numeric_data":  # this field contains all custom numbers, concatenated
