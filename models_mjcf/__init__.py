@@ -1,8 +1,8 @@
 """Provide the MJCF models of all plants, and named sets of their parameter values.
 
 Each model has its own folder with an MJCF file and a README. TOML files in the folder of a model
-define other parameter sets, and cite a source for each parameter value. The function `model_files`
-returns the MJCF text and all files of a model.
+define further parameter sets, and cite a source for each parameter value. The function
+`model_files` returns the MJCF text and all files of a model.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from importlib.resources import files
 from xml.etree.ElementTree import canonicalize
 
 DEFAULT = "three_mass"
-"""Name of the model of a three-mass axis, which is the default model of a scenario."""
+"""Name of the three-mass axis model, which is the default model of a scenario."""
 
 _FOUND = {f.name for f in files(__package__).iterdir() if (f / f"{f.name}.xml").is_file()}
 MODEL_NAMES = (DEFAULT, *sorted(_FOUND - {DEFAULT}))
@@ -24,7 +24,7 @@ SHIPPED = {
     "three_mass": "29c0e25cfb28f417",
     "two_mass": "54100381ce3d6dc7",
 }
-"""Digest of each published MJCF file; a change of the digest changes the hashes of scenarios."""
+"""Digest of each published MJCF file; a change in the digest changes the hashes of scenarios."""
 
 
 @cache

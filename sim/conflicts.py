@@ -1,4 +1,4 @@
-"""Check a scenario: report errors in single keys first, then conflicts between keys."""
+"""Check a scenario: report errors in individual keys first, then conflicts between keys."""
 
 from __future__ import annotations
 
@@ -64,9 +64,9 @@ def problems(error: ValidationError, top: type[Scenario]) -> list[str]:
 
 
 def explain(error: ValidationError, top: type[BaseModel]) -> Iterator[Problem]:
-    """Yield the key and the message of each pydantic error about a single key of a scenario.
+    """Yield the key and the message of each pydantic error that concerns an individual key.
 
-    The argument `top` is the class of the table that contains all other tables.
+    The argument `top` is the class of the top-level table, which contains all other tables.
     """
     for item in error.errors():
         if item["loc"]:
@@ -97,7 +97,7 @@ def _text(item: Any, top: type[BaseModel]) -> str:
         case "extra_forbidden":
             return unknown("key", words[-1], _known_keys(words[:-1], top))
         case "union_tag_not_found":
-            return f"the key kind is missing; known kinds are {', '.join(_KINDS[words[0]])}"
+            return f"the key `kind` is missing; known kinds are {', '.join(_KINDS[words[0]])}"
         case "union_tag_invalid":
             return unknown("kind", item["ctx"]["tag"], _KINDS[words[0]])
         case "value_error":
@@ -120,7 +120,7 @@ def _known_keys(words: list[str], top: type[BaseModel]) -> Iterable[str]:
 def conflicts(scenario: Scenario) -> Iterator[Problem]:
     """Report each scenario value that conflicts with another value or is invalid for the plant.
 
-    Before this function is called, the types of all values must have been checked.
+    The types of all values must be checked before this function is called.
     """
     yield from _rate_problems(scenario)
     yield from _axis_problems(scenario)
@@ -139,7 +139,7 @@ def conflicts(scenario: Scenario) -> Iterator[Problem]:
 
 
 def _rate_problems(scenario: Scenario) -> Iterator[Problem]:
-    """Report each key with a value that is incompatible with the sampling period."""
+    """Report each key whose value is incompatible with the sampling period."""
     period, controller, delay = scenario.period, scenario.controller, scenario.delay
     if abs(period / TICK - round(period / TICK)) >= 1e-6:
         words = f"the sampling period must be a multiple of 1 ms, not {1000 * period:g} ms"
@@ -193,7 +193,7 @@ def estimated_problems(
     key : str
         Key of the scenario that contains `names`; each message begins with this key.
     besides : sequence of str
-        Names of allowed parameters in addition to the axis parameters and their inverses.
+        Names of parameters that are allowed in addition to the axis parameters and their inverses.
     """
     known, seen = parameter_names(scenario.model), dict[str, str]()
     for i, name in enumerate(names):
@@ -206,20 +206,21 @@ def estimated_problems(
         elif parameter in MAY_BE_ZERO and scenario.parameters.get(parameter) == 0:
             yield (
                 place,
-                f"{name!r} cannot be estimated while parameters.{parameter} is 0, because errors "
-                "are in % of the nominal value: use a value above 0, or do not estimate it",
+                f"{name!r} cannot be estimated while parameters.{parameter} is 0, because its "
+                "error is given in % of the nominal value: use a value above 0, or do not estimate "
+                "it",
             )
         seen.setdefault(parameter, name)
 
 
 def _law_problem(name: str, scenario: Scenario) -> str | None:
-    """Return a message unless exactly one table of the scenario defines the parameter `name`."""
+    """Return an error message unless exactly one table defines the nonlinear parameter `name`."""
     having = [key for key, names in LAW_PARAMETERS.items() if name in names]
     tables = [key for key in having if key in scenario.tables]
     if having and not tables:
         return f"the plant has no parameter {name}: add the table {' or '.join(having)}"
     if len(tables) > 1:
-        return f"{name} is ambiguous, because {' and '.join(tables)} define it: remove one"
+        return f"{name} is ambiguous, because {' and '.join(tables)} define it: keep only one"
     return None
 
 
@@ -250,10 +251,12 @@ def _change_problems(change: Fault, scenario: Scenario) -> Iterator[Problem]:
 
 
 def _span_problems(change: Fault, period: float) -> Iterator[Problem]:
-    """Report each time in a fault or nuisance that is shorter than one sample."""
+    """Report each time or duration of a fault or nuisance that is less than one sample."""
     for key, about in type(change).model_fields.items():
         if A_SAMPLE in about.metadata and getattr(change, key) < period:
-            text = f"a time must be one sample ({period:g} s) or more, not {getattr(change, key):g}"
+            text = (
+                f"a time must be at least one sample ({period:g} s), not {getattr(change, key):g}"
+            )
             yield key, text
     times = (0.0, *(time for time, _ in getattr(change, "points", ())))
     for i, (before, after) in enumerate(pairwise(sample_index(t, period) for t in times)):
@@ -270,7 +273,7 @@ def _changed_problems(change: Fault, scenario: Scenario) -> Iterator[Problem]:
     if text:
         yield "parameter", text
     elif law in FIXED:
-        yield "parameter", f"{law} of the table {FIXED[law]} cannot change during a run"
+        yield "parameter", f"{law} in the table {FIXED[law]} cannot change during a run"
     elif law not in known:
         yield "parameter", unknown("parameter", parameter, known)
     if change.factor > 0:
@@ -286,7 +289,7 @@ def _changed_problems(change: Fault, scenario: Scenario) -> Iterator[Problem]:
 
 
 def _pause_problems(scenario: Scenario) -> Iterator[Problem]:
-    """Report each pause that begins after the end of the run, and a too large `onset_spread`."""
+    """Report an `onset_spread` that is too large, and each pause that begins after the run ends."""
     duration, spread = scenario.duration, scenario.onset_spread
     pauses = getattr(scenario.excitation, "pause", ())
     for i, (begin, _) in enumerate(pauses):
@@ -306,6 +309,7 @@ def _pause_problems(scenario: Scenario) -> Iterator[Problem]:
     if spread > most:
         yield (
             "onset_spread",
-            f"onset_spread must be at most {max(most, 0):g} s, not {spread:g}: all changes from "
-            f"{min(times):g} to {max(times):g} s must remain within the run of {duration:g} s",
+            f"onset_spread must be at most {max(most, 0):g} s, not {spread:g}: all changes, which "
+            f"lie from {min(times):g} to {max(times):g} s, must remain within the run of "
+            f"{duration:g} s",
         )

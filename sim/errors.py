@@ -1,4 +1,4 @@
-"""Define the error classes of the simulation, and suggest known words for misspelt words."""
+"""Define the error classes of the simulation, and suggest corrections for misspelt words."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class ScenarioError(FlexaxisError):
     Attributes
     ----------
     problems : tuple of str
-        Lines of the error message, with one line per problem.
+        Lines of the error message, one per problem.
     """
 
     def __init__(self, *problems: str) -> None:

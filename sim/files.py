@@ -16,7 +16,7 @@ from typing import Any
 import tomli_w
 
 Refusal = Callable[[str], Exception]
-"""Type of an exception class, such as ``ScenarioError``, or a function that returns an
+"""Type of an exception class, such as ``ScenarioError``, or of a function that returns an
 exception."""
 
 _SHORT = Repr()
@@ -90,7 +90,7 @@ def read_text(path: Path, refuse: Refusal) -> str:
 
 
 def toml_tables(text: str, *, source: str, refuse: Refusal) -> dict[str, Any]:
-    """Parse a TOML text; error messages begin with the name `source` of the text."""
+    """Parse TOML text; error messages begin with `source`, the name of the text."""
     try:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:
@@ -98,7 +98,7 @@ def toml_tables(text: str, *, source: str, refuse: Refusal) -> dict[str, Any]:
 
 
 def json_value(text: str | bytes, *, source: str, refuse: Refusal) -> Any:
-    """Parse a JSON text; error messages begin with the name `source` of the text."""
+    """Parse JSON text; error messages begin with `source`, the name of the text."""
     try:
         return json.loads(text)
     except (ValueError, RecursionError) as error:

@@ -42,9 +42,8 @@ def content_hash(resolved: Mapping[str, Any]) -> str:
     """Return the SHA-256 of a scenario without its name and description (64 hex digits).
 
     Old scenarios do not have the keys `streams`, `period` and `model`. Therefore the hash excludes
-    these keys if `streams` is "content", `period` is 5 ms and `model` is "three_mass",
-    respectively. The hash includes the digest of the model's MJCF file if this file differs from
-    the published file.
+    `streams` if it is "content", `period` if it is 5 ms, and `model` if it is "three_mass". The
+    hash includes the digest of the model's MJCF file if this file differs from the published file.
     """
     without = _WORDS | ({"streams"} if resolved["streams"] == CONTENT else set())
     return _digest({k: v for k, v in _told_apart(resolved).items() if k not in without})
@@ -64,8 +63,8 @@ def stream_key(resolved: Mapping[str, Any]) -> str:
 def record_hash(resolved: Mapping[str, Any]) -> str:
     """Return the SHA-256 of all settings that determine a record, except the seed (64 hex digits).
 
-    Keys that concern only estimation and scoring do not affect the record hash. The record hash
-    also depends on the key that identifies the random numbers.
+    Keys that concern only estimation or scoring do not affect the record hash. The record hash also
+    depends on the key that identifies the random numbers.
     """
     return _digest(_seen(resolved) | {"key": stream_key(resolved)})
 
@@ -78,9 +77,8 @@ def _seen(resolved: Mapping[str, Any]) -> dict[str, Any]:
 def _told_apart(resolved: Mapping[str, Any]) -> dict[str, Any]:
     """Return the keys and values of a scenario that can affect its hashes.
 
-    The dictionary does not contain `period` and `model` if they have their default values. The
-    dictionary contains the digest of the model's MJCF file if this file differs from the published
-    file.
+    The dictionary omits `period` if it has its default value, and likewise `model`. The dictionary
+    contains the digest of the model's MJCF file if this file differs from the published file.
     """
     usual, model = {"period": PERIOD, "model": DEFAULT}, resolved["model"]
     content = {key: value for key, value in resolved.items() if usual.get(key) != value}

@@ -1,4 +1,4 @@
-"""Override keys of a scenario, such as ``fault[0].factor``, and append the changes to its name."""
+"""Override keys such as ``fault[0].factor`` of a scenario, and append the changes to its name."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ def set_keys(content: dict[str, Any], changes: Mapping[str, Any], *, source: str
     Raises
     ------
     ScenarioError
-        If dotted keys do not exist. Each line of the error message contains the name `source` and
-        an invalid key.
+        If one or more of the dotted keys do not exist. Each line of the error message contains the
+        name `source` and an invalid key.
 
     Examples
     --------

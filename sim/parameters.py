@@ -25,12 +25,14 @@ def nominal_numbers(model: str) -> Mapping[str, float]:
     The torque constant ``k_T`` is the attribute `gear` of the motor actuator in the MJCF file. Each
     body has an inertia such as ``J_m`` and a friction coefficient such as ``f_m``. Each tendon has
     a stiffness such as ``k_g`` and a damping coefficient such as ``d_g``. The subscript of a
-    parameter is the first letter of the body's or tendon's name. If the model has only one tendon,
-    the tendon parameters have no subscript. The gear ratio ``r`` is the coefficient of the motor
-    joint in the first tendon. If the gear ratio of a model is 1, the model has no parameter ``r``.
+    parameter is the first letter of the name of its body or tendon. If the model has only one
+    tendon, the tendon parameters have no subscript. The gear ratio ``r`` is the coefficient of the
+    motor joint in the first tendon. If the gear ratio of a model is 1, the model has no parameter
+    ``r``.
 
     The MJCF file must describe a chain of bodies called motor, gear, arm or load, with a tendon
-    between adjacent bodies. The names of any two tendons must start with different letters.
+    between each pair of adjacent bodies. The names of any two tendons must start with different
+    letters.
     """
     root = ElementTree.fromstring(model_files(model)[0])
     bodies, tendons = [*root.iter("body")], root.findall("tendon/fixed")
@@ -63,7 +65,7 @@ def parameter_names(model: str = DEFAULT) -> tuple[str, ...]:
 
 
 def model_with(names: Iterable[str]) -> str | None:
-    """Return the first model with exactly the parameters `names`, or None if there is none."""
+    """Return the first model whose parameters are exactly `names`, or None if there is none."""
     unordered = set(names)
     return next((model for model in MODEL_NAMES if set(parameter_names(model)) == unordered), None)
 
@@ -79,7 +81,7 @@ PARAMETER_UNITS = {
 """Units of the parameters of all models, keyed by name; the three-mass model comes first."""
 
 DEFAULT_IDENTIFY = ("k_T", "1/J_a", "f_m")
-"""Parameters that are estimated by default, and in the paper of Östring and Gunnarsson."""
+"""Names of the parameters that are estimated by default and in Östring and Gunnarsson's paper."""
 
 DATA_SHEET = {
     "poles": "1",
@@ -89,13 +91,13 @@ DATA_SHEET = {
 }
 """Units of data-sheet values that are not plant parameters, keyed by name.
 
-The key `poles` contains the number of cogging periods per motor revolution, `torque_limit` contains
-the torque limit of the drive, and `noise` contains the standard deviation of the measurement noise.
-The value of `gear_friction` is 1 if the motor friction increases with the gear load.
+The value of `poles` is the number of cogging periods per motor revolution, `torque_limit` is the
+torque limit of the drive, and `noise` is the standard deviation of the measurement noise. The value
+of `gear_friction` is 1 if the motor friction increases with the gear load.
 """
 
 MAY_BE_ZERO = frozenset(name for name in PARAMETER_UNITS if name[0] in "df")
-"""Names of the damping and friction coefficients, which are the only parameters that can be 0."""
+"""Names of the damping and friction coefficients, the only linear parameters that can be 0."""
 
 
 LAW_UNITS = {
@@ -109,7 +111,7 @@ LAW_UNITS = {
     "kappa": "1/rad^2",
     "gap": "rad",
 }
-"""Units of the parameters of friction, backlash and a stiffening spring, keyed by name.
+"""Units of the nonlinear parameters (friction, backlash and stiffening spring), keyed by name.
 
 The parameter f_c is the Coulomb friction, and f_s is the breakaway torque minus the Coulomb
 friction. The parameter v_s is the Stribeck speed. The bristles of LuGre friction have the stiffness
@@ -144,7 +146,7 @@ tables of a scenario define a parameter with the same name, the first table dete
 """
 
 FIXED = {"gap": "backlash", "kappa": "stiffening"}
-"""Scenario table of each nonlinear parameter that is constant during a run, keyed by parameter."""
+"""Scenario table of each nonlinear parameter that cannot change in a run, keyed by parameter."""
 
 
 def parameter_problem(name: str, value: float) -> str | None:
@@ -182,7 +184,7 @@ class AxisParameters(Frozen):
         friction coefficients of the bodies are f. The function `nominal_numbers` explains the
         parameter names.
     **more : float
-        Parameter values as keyword arguments, which override values in the argument `values`.
+        Parameter values as keyword arguments, which override those in the argument `values`.
 
     Raises
     ------

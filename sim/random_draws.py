@@ -1,4 +1,4 @@
-"""Draw random numbers: noise, the onsets of faults, and the errors of assumed parameters.
+"""Draw random numbers: noise, the onsets of faults, and errors in the assumed parameters.
 
 Each purpose has its own stream of random numbers, so the order of the draws does not matter.
 """
@@ -45,7 +45,7 @@ def stream(key: str, seed: int, purpose: str) -> np.random.Generator:
 
 
 def drawn(scenario: Scenario, seed: int) -> Scenario:
-    """Return the scenario of one seed, with random onsets and random errors of assumed parameters.
+    """Return the scenario for one seed, with random onsets and random errors in assumed values.
 
     The new scenario has the same name and the same random numbers as `scenario`, but a different
     hash.

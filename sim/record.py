@@ -69,8 +69,8 @@ class Record:
         Measured motor angle [rad], measured motor speed [rad/s], and difference of successive
         measured angles divided by the sampling period [rad/s].
     true_speed, true_angle_m, true_angle_g, true_angle_a, true_angle_l : ndarray (N,), optional
-        True motor speed [rad/s], and true angles of motor, gear, arm and load [rad]. If the plant
-        does not have one of the masses, the angle of this mass is None.
+        True motor speed [rad/s], and true angles of motor, gear, arm and load [rad]. The angle of a
+        mass that the plant does not have is None.
     true_parameters : ndarray (N, P), optional
         True parameter values. The values in row k apply from t_k to t_{k+1}, and column i contains
         the parameter `parameter_names[i]`.
@@ -93,8 +93,8 @@ class Record:
     Raises
     ------
     RecordError
-        If a required array is missing, if an array has a wrong shape, or if an array contains a
-        value that is not finite. The error also occurs if the sample times are not evenly spaced.
+        If a required array is missing, if an array has the wrong shape or contains a value that is
+        not finite, or if the sample times are not evenly spaced.
     """
 
     time: Array
@@ -139,7 +139,7 @@ class Record:
         return 1 / whole if whole and abs(mean * whole - 1) < ROUNDING else mean
 
     def to_xarray(self) -> xarray.Dataset:
-        """Convert the record to an xarray Dataset with the dimensions time and parameter."""
+        """Convert the record to an xarray Dataset with the dimensions `time` and `parameter`."""
         import xarray
 
         data: dict[str, Any] = {
@@ -175,7 +175,7 @@ class Record:
         Raises
         ------
         RecordError
-            If the folder does not exist or cannot be written.
+            If the folder does not exist, or if the file cannot be written.
         """
         path, data = Path(path), self.to_xarray()
         # Constant columns compress well. The file is first written to memory, because HDF5 aborts
@@ -197,10 +197,9 @@ def load_record(path: str | os.PathLike[str]) -> Record:
     Parameters
     ----------
     path : path-like
-        Path of a file that `Record.save` has written, or path of another NetCDF-4 file. The file
-        must contain the variables ``time`` and ``torque``, and at least one of the variables
-        ``speed``, ``increment`` and ``angle``. Each of the signals must have the dimension
-        ``time``.
+        Path of a file that `Record.save` has written, or of another NetCDF-4 file. The file must
+        contain the variables ``time`` and ``torque``, and at least one of the variables ``speed``,
+        ``increment`` and ``angle``. Each of the signals must have the dimension ``time``.
 
     Returns
     -------
@@ -234,7 +233,7 @@ def load_record(path: str | os.PathLike[str]) -> Record:
 
 
 def _fields(file: xarray.Dataset) -> dict[str, Any]:
-    """Return the fields of a record, which are read from an open NetCDF-4 file."""
+    """Read the fields of a record from an open NetCDF-4 file, and return them keyed by name."""
     for name in ("time", "torque"):
         if name not in file.variables:
             present = ", ".join(map(str, file.variables)) or "none"
@@ -251,7 +250,7 @@ def _fields(file: xarray.Dataset) -> dict[str, Any]:
 def _parameters(file: xarray.Dataset) -> dict[str, Any]:
     """Read the true parameters and their names, and sort the parameters into the standard order."""
     if "parameter" not in file.variables:
-        raise RecordError("the variable 'parameter' with the parameter names is missing.")
+        raise RecordError("the variable 'parameter', which holds the parameter names, is missing.")
     names = [str(name) for name in file["parameter"].values]
     model = model_with(name for name in names if name not in LAW_NAMES)
     order = [*parameter_names(model or DEFAULT), *(name for name in LAW_NAMES if name in names)]
@@ -266,9 +265,9 @@ def _parameters(file: xarray.Dataset) -> dict[str, Any]:
 
 
 def _check(record: Record) -> None:
-    """Raise a RecordError if a signal is missing, has a wrong shape or contains invalid values."""
+    """Raise a RecordError if a signal is missing, has the wrong shape or has invalid values."""
     if all(getattr(record, name) is None for name in OUTPUTS):
-        raise RecordError(f"a record needs one of the signals {', '.join(OUTPUTS)}.")
+        raise RecordError(f"a record needs at least one of the signals {', '.join(OUTPUTS)}.")
     samples = np.size(record.time)
     if samples < 2:
         raise RecordError(f"a record needs at least 2 samples; this record has {samples}.")

@@ -79,30 +79,31 @@ class Scenario(Config):
         Names of the parameters to estimate. An estimator can also estimate the inverse of a
         parameter, such as ``"1/J_a"``.
     start : float
-        Initial estimate of each parameter divided by its nominal value.
+        Ratio of the initial estimate of each parameter to its nominal value.
     known : dict of str to float, optional
         Prior knowledge that estimators receive. For a parameter that is not estimated, the entry is
         the ratio of the assumed value to the true value. For a data-sheet value such as `poles`,
-        the entry is the value itself. The entry `spread` determines the size of a random error of
+        the entry is the value itself. The entry `spread` determines the size of the random error in
         each assumed parameter value. The random error depends on the seed (see `drawn`).
     output : {"speed", "increment", "angle"}
         Measured motor signal that the estimators use.
     burn_in : float
         Length of the initial interval that is excluded from all scores [s].
     streams : str
-        Choice of the scenario keys that affect the random numbers. If `streams` is "plant", only
-        keys for the plant and the sensors affect the random numbers. If `streams` is "content", all
-        scenario keys affect the random numbers. If `streams` is the `key` of another scenario, both
-        scenarios have the same random numbers.
+        Setting that determines which scenario keys affect the random numbers. If `streams` is
+        "plant", only keys for the plant and the sensors affect the random numbers. If `streams` is
+        "content", all scenario keys affect the random numbers. If `streams` is the `key` of another
+        scenario, both scenarios have the same random numbers.
     feedback : {"clean", "measured"}
-        Whether the controller reads the true motor angle or the measured motor angle.
+        Motor angle that the controller reads: the true angle if `feedback` is "clean", and the
+        measured angle if `feedback` is "measured".
     delay, noise, encoder, controller, excitation, fault : Config
         Tables of the sensors, the control loop, the reference and the faults.
     filter, friction, lugre, cogging, backlash, stiffening, saturation : Config, optional
         Tables of sensor, gear and drive effects that the linear model does not describe.
     onset_spread : float, optional
-        Largest random time shift of all faults and pauses [s]. The time shift depends on the seed
-        (see `drawn`).
+        Largest size of the random time shift, which is the same for all faults and pauses [s]. The
+        time shift depends on the seed (see `drawn`).
     nuisance : tuple of Fault, optional
         Parameter changes that are not regarded as faults. An alarm due to such a change is a false
         alarm.
@@ -167,7 +168,7 @@ class Scenario(Config):
 
     @property
     def times(self) -> Array:
-        """Sample times (N,) [s]."""
+        """Sample times [s], as an array (N,)."""
         return self.grid.times
 
     @cached_property
@@ -205,7 +206,7 @@ class Scenario(Config):
 
     @property
     def spread(self) -> float:
-        """Standard deviation of ln(x) for the random factors x of assumed parameter values."""
+        """Standard deviation of ln(x), where x is the random factor of an assumed value."""
         return (self.known or {}).get("spread", 0.0)
 
     @property
@@ -243,7 +244,7 @@ class Scenario(Config):
         return np.array(list(self.initial.values()))
 
     def true_parameters(self) -> Array:
-        """Return the true parameters (N, P); each row applies from one sample to the next."""
+        """Return the true parameters as an array (N, P); row k applies until sample k + 1."""
         changes = (*self.fault, *(self.nuisance or ()))
         return np.column_stack([changed(x, n, changes, self.grid) for n, x in self.initial.items()])
 
@@ -252,7 +253,7 @@ class Scenario(Config):
         return self.excitation.excited(self.grid)
 
     def events(self) -> tuple[Event, ...]:
-        """Return all parameter changes that faults cause, in order of time.
+        """Return all parameter changes that faults cause, in chronological order.
 
         A ramp causes one event at its onset. An intermittent fault causes one event at each jump.
         If several changes of a parameter overlap, each event still has the size of its own fault.
@@ -297,7 +298,7 @@ class Scenario(Config):
         inherit : bool
             Whether the new scenario uses the random numbers of this scenario. If necessary, the
             method sets `streams` to the `key` of this scenario. If `changes` contains the key
-            `streams`, the value of this key has precedence over `inherit`.
+            `streams`, the value of this key takes precedence over `inherit`.
 
         Raises
         ------

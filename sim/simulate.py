@@ -32,15 +32,15 @@ def simulate(
 ) -> list[Record]:
     """Simulate a scenario once for each seed, in one batch.
 
-    A record depends only on its scenario, its seed and its repeat. Therefore a record does not
-    depend on the other seeds in the batch.
+    A record depends only on its scenario, its seed and `repeat`, and not on the other seeds in the
+    batch.
 
     Parameters
     ----------
     scenario : Scenario
         Scenario to simulate.
     seeds : sequence of int
-        Random seeds of the runs, which must be integers of at least 0.
+        Random seeds of the runs, which must be non-negative integers.
     repeat : int
         Index of the repetition. Runs that differ only in `repeat` have the same excitation and the
         same faults, but different noise realizations.
@@ -58,7 +58,7 @@ def simulate(
     """
     seeds = [int(seed) for seed in seeds]
     if not seeds or min(seeds) < 0:
-        raise ScenarioError(f"seeds must be one or more integers of at least 0, not {seeds}.")
+        raise ScenarioError(f"seeds must be one or more non-negative integers, not {seeds}.")
     grid, runs = scenario.grid, [scenario.drawn(seed) for seed in seeds]
     reference = np.column_stack(
         [
@@ -96,7 +96,8 @@ def tracked(
     seed : int
         Seed of the random numbers.
     followers : sequence of Follower or None
-        Estimator of each run, which provides parameter estimates for the feed-forward, or None.
+        Estimator that provides the parameter estimates for the feed-forward of each run, or None
+        for a run without an estimator.
     samples : int, optional
         Number of samples to simulate (default: all samples of the scenario).
 
@@ -122,7 +123,7 @@ def tracked(
 
 
 def _white(scenario: Scenario, seeds: list[int], repeat: int, purpose: str) -> Array:
-    """Return white noise (N, R) with standard deviation 1 for a purpose, such as "noise.speed"."""
+    """Return unit white noise for a purpose, such as "noise.speed", as an array (N, R)."""
     purpose += f".{repeat}" if repeat else ""
     streams = [stream(scenario.key, seed, purpose) for seed in seeds]
     return np.column_stack([each.standard_normal(scenario.samples) for each in streams])

@@ -1,8 +1,8 @@
-"""Check before a simulation whether the control loop with the nominal linear axis is stable.
+"""Check, before a simulation, whether the control loop with the nominal linear axis is stable.
 
-The equations of motion are M q̈ + D q̇ + K q = k_T u, and the vector q contains the angles of the
-masses. The stability check takes the controller, the sampling period and the delays of a scenario
-into account.
+The equations of motion are M q̈ + D q̇ + K q = k_T u, where the vector q contains the angles of the
+masses and u is the torque command. The stability check takes the controller, the sampling period
+and the delays of a scenario into account.
 """
 
 from __future__ import annotations
@@ -50,8 +50,8 @@ def loop_problem(
         return None
     return (
         f"the control loop with the nominal axis is unstable for Kv = {config.Kv:g} and a sampling "
-        f"period of {1000 * period:g} ms (a mode grows {growth:.6g}-fold per sample). Lower "
-        "controller.Kv, or check controller.Kp, controller.Ki and the delays"
+        f"period of {1000 * period:g} ms (a mode grows by a factor of {growth:.6g} per sample). "
+        "Lower controller.Kv, or check controller.Kp, controller.Ki and the delays"
     )
 
 
@@ -62,7 +62,7 @@ def _radius(
     """Return the spectral radius of the closed loop, which is the largest growth factor per sample.
 
     The state of the closed loop consists of the states of the controller, the plant and the delays.
-    To obtain the transition matrix, the function simulates one sample with each unit vector as the
+    The function obtains the transition matrix by simulating one sample from each unit vector as the
     initial state. The spectral radius is the largest absolute eigenvalue of the transition matrix.
     """
     if config.rate:

@@ -54,10 +54,11 @@ class Grid:
 
     @property
     def times(self) -> NDArray[np.float64]:
-        """Times (M,) of the samples [s].
+        """Times of the samples [s], as an array (M,).
 
-        To avoid rounding errors, the times are computed as k divided by the sampling rate instead
-        of k times T. Therefore ``Grid.first(N, 0.005).times[2060]`` is exactly the float ``10.3``.
+        The times are computed as k divided by the sampling rate instead of k times T, which avoids
+        rounding errors. Therefore ``Grid.first(N, 0.005).times[2060]`` is exactly the float
+        ``10.3``.
         """
         return self.k / rate(self.period)
 
@@ -76,7 +77,7 @@ def checked_period(period: float) -> float:
     """
     if not SHORTEST <= period <= LONGEST:
         raise ValueError(
-            f"the sampling period must be from {SHORTEST:g} to {LONGEST:g} s, not {period:g}"
+            f"the sampling period must be between {SHORTEST:g} and {LONGEST:g} s, not {period:g}"
         )
     if abs(1 / period - rate(period)) > 1e-6:
         raise ValueError(

@@ -8,13 +8,13 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 
 class Config(BaseModel):
-    """Base class of immutable tables of options, which reject unknown keys and wrong types."""
+    """Base class of option tables, which are immutable and reject unknown keys and wrong types."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
 
 class Frozen(dict[str, float]):
-    """Immutable dict of numbers, so that the hash of a scenario cannot become invalid."""
+    """Dict of numbers that cannot be changed, which keeps the hash of a scenario valid."""
 
     __slots__ = ()
 
@@ -30,10 +30,10 @@ class Frozen(dict[str, float]):
 
 Values = Annotated[dict[str, float], AfterValidator(Frozen)]
 LARGEST = 1e9
-"""Upper limit of scenario values in SI units; a larger value is probably in a wrong unit."""
+"""Upper limit of scenario values in SI units; a larger value is probably in the wrong unit."""
 
 Word = Annotated[str, Field(pattern=r"^[^\s/\\\p{Cc}\p{Cf}]+$")]
-"""Type of a name that can be a file name, without blanks, slashes and control characters."""
+"""Type of a name without blanks, slashes and control characters, which can be a file name."""
 
 Positive = Annotated[float, Field(gt=0, le=LARGEST)]
 NotNegative = Annotated[float, Field(ge=0, le=LARGEST)]

@@ -68,7 +68,7 @@ class ControllerConfig(Config):
         return self.rate is None
 
     def logged(self, commands: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
-        """Return the logged torque [N m], given all torque commands during a sample [N m]."""
+        """Return the logged torque, given all torque commands during a sample (both in N m)."""
         inner = self.rate is not None and self.log != "sample"
         return np.asarray(np.mean(commands, axis=0)) if inner else commands[0]
 

@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Event:
-    """A change of a true parameter.
+    """A change in a true parameter.
 
     Attributes
     ----------
@@ -31,8 +31,8 @@ class Event:
     index : int
         Index of the first sample with a changed value.
     before, after : float
-        Parameter values before the change and after the complete change. The value `after` does not
-        include other changes of the same parameter that are in progress (see `find_events`).
+        Parameter values before the change begins and after it is complete. The value `after` does
+        not include other changes in the same parameter that are in progress (see `find_events`).
     """
 
     parameter: str
@@ -57,12 +57,12 @@ def find_events(
     grid: Grid,
     nominal: Mapping[str, float],
 ) -> tuple[Event, ...]:
-    """Return the parameter changes that faults cause, in order of time.
+    """Return the parameter changes that faults cause, in chronological order.
 
     An event combines all faults of one parameter that begin at the same sample. The value `before`
     of an event is the true parameter value at the sample before the onset. The value `after` is the
-    parameter value that results when all faults of the event are complete. For the value `after`,
-    all other changes of the parameter keep the factor that they have at the sample before the
+    parameter value that results when all faults of the event are complete. In the value `after`,
+    all other changes of the parameter have the factors that they have at the sample before the
     onset. Therefore the ratio after/before is the factor of the fault, even if another change of
     the parameter is in progress.
 

@@ -72,11 +72,11 @@ class Multisine(Config):
         return range(first, int(np.floor(self.high * self.period + slack)) + 1)
 
     def sampling_problems(self, period: float) -> Iterator[tuple[str, str]]:
-        """Yield each key that conflicts with the sampling period, and an error message."""
+        """Yield the key of each value that the sampling period forbids, and an error message."""
         if self.high * period >= 0.5:
-            yield "high", f"the frequency must be below half the sampling rate, {0.5 / period:g} Hz"
+            yield "high", f"the frequency must be below {0.5 / period:g} Hz, half the sampling rate"
         if abs(self.period / period - sample_index(self.period, period)) > 1e-6:
-            yield "period", f"the period must be a multiple of one sample ({1000 * period:g} ms)"
+            yield "period", f"must be a multiple of the sampling period ({1000 * period:g} ms)"
 
     def one_period(self, rng: np.random.Generator, period: float) -> Array:
         """Return one period of the multisine [rad], sampled every `period` seconds."""
@@ -141,14 +141,14 @@ class Moves(Config):
         return f"moves of {self.move:g} s within {self.reach:g} rad, with rests of {self.dwell:g} s"
 
     def _clock(self, grid: Grid) -> tuple[NDArray[np.int64], Array]:
-        """Return the index of the current move and its completed fraction, at each sample."""
+        """Return, for each sample, the index and the completed fraction of the current move."""
         length = grid.index(self.move)
         cycle, since = np.divmod(grid.k, length + grid.index(self.dwell))
         return cycle, np.minimum(since / length, 1.0)
 
 
 class Standstill(Config):
-    """A reference that is always zero, so that the axis remains at its initial position."""
+    """A reference that is always zero, so the axis remains at its initial position."""
 
     kind: Literal["standstill"] = "standstill"
 

@@ -36,7 +36,7 @@ Point = Annotated[
     Field(strict=False),  # arrays in TOML become tuples
 ]
 A_SAMPLE = "a sample at least"
-"""Annotation of times that must be at least one sample, because times are rounded to samples."""
+"""Annotation of times that must be at least one sample, as rounding can make shorter times zero."""
 
 Span = Annotated[Positive, A_SAMPLE]
 
@@ -56,8 +56,8 @@ class Step(Config):
     parameter : str
         Name of a `changeable` parameter.
     at : float
-        Onset time of the fault [s], rounded to a sample. The parameter has its new value from the
-        onset sample onwards.
+        Onset time of the fault [s], rounded to the nearest sample. The parameter has its new value
+        from the onset sample onwards.
     factor : float
         Ratio of the new parameter value to the previous value.
     """
@@ -72,7 +72,7 @@ class Step(Config):
         return np.where(grid.k >= grid.index(self.at), self.factor, 1.0)
 
     def onsets(self, grid: Grid) -> list[tuple[int, int]]:
-        """Return the indices of the first changed and the first settled sample of each change."""
+        """Return, for each change, the indices of the first changed and first settled samples."""
         return [(grid.index(self.at), grid.index(self.at))]
 
     def in_words(self) -> str:
@@ -88,8 +88,8 @@ class Ramp(Config):
     parameter : str
         Name of a `changeable` parameter.
     at : float
-        Onset time of the fault [s], rounded to a sample. The parameter begins to change at the
-        onset sample.
+        Onset time of the fault [s], rounded to the nearest sample. The parameter begins to change
+        at the onset sample.
     over : float
         Duration of the change from the old value to the new value [s].
     factor : float
@@ -109,7 +109,7 @@ class Ramp(Config):
         return 1.0 + done * (self.factor - 1.0)
 
     def onsets(self, grid: Grid) -> list[tuple[int, int]]:
-        """Return the indices of the first changed and the first settled sample of each change."""
+        """Return, for each change, the indices of the first changed and first settled samples."""
         first = grid.index(self.at)
         return [(first, first + grid.index(self.over))]
 
@@ -119,15 +119,15 @@ class Ramp(Config):
 
 
 class Thermal(Config):
-    """A parameter approaches a new value exponentially, like the friction of a warming axis.
+    """A parameter approaches a new value exponentially, like the friction of an axis that warms up.
 
     Attributes
     ----------
     parameter : str
         Name of a `changeable` parameter.
     at : float
-        Onset time of the fault [s], rounded to a sample. The parameter begins to change at the
-        onset sample.
+        Onset time of the fault [s], rounded to the nearest sample. The parameter begins to change
+        at the onset sample.
     time_constant : float
         Time until 63 % of the parameter change is complete [s].
     factor : float
@@ -148,7 +148,7 @@ class Thermal(Config):
         return 1.0 + np.where(k < 0, 0.0, 1.0 - left) * (self.factor - 1.0)
 
     def onsets(self, grid: Grid) -> list[tuple[int, int]]:
-        """Return the indices of the first changed and the first settled sample of each change."""
+        """Return, for each change, the indices of the first changed and first settled samples."""
         first = grid.index(self.at)
         return [(first, first + grid.index(40 * self.time_constant))]  # e⁻⁴⁰ is round-off
 
@@ -165,9 +165,9 @@ class Intermittent(Config):
     parameter : str
         Name of a `changeable` parameter.
     at : float
-        Time at which the fault first occurs [s], rounded to a sample.
+        Time at which the fault first occurs [s], rounded to the nearest sample.
     on, off : float
-        Durations of the intervals with and without the fault [s], rounded to samples.
+        Durations of the intervals with and without the fault [s], rounded to whole samples.
     factor : float
         Ratio of the parameter value during the fault to the value without the fault.
     until : float, optional
@@ -188,7 +188,7 @@ class Intermittent(Config):
         return np.where(self._faulty(grid, grid.k), self.factor, 1.0)
 
     def onsets(self, grid: Grid) -> list[tuple[int, int]]:
-        """Return the indices of the first changed and the first settled sample of each jump."""
+        """Return, for each jump, the indices of the first changed and first settled samples."""
         switched = self._faulty(grid, grid.k) != self._faulty(grid, grid.k - 1)
         return [(int(index), int(index)) for index in grid.k[switched]]
 
@@ -211,12 +211,12 @@ class Profile(Config):
     parameter : str
         Name of a `changeable` parameter.
     at : float
-        Onset time of the fault [s], rounded to a sample. At the onset sample, the parameter still
-        has its old value.
+        Onset time of the fault [s], rounded to the nearest sample. At the onset sample, the
+        parameter still has its old value.
     points : tuple of (float, float)
         Corners of the profile. Each corner consists of a time since the onset [s] and the completed
-        fraction of the change at this time (0 to 1). The corner times are rounded to samples, and
-        successive corner times must differ by at least one sample. After the last corner, the
+        fraction of the change at this time (0 to 1). The corner times are rounded to whole samples,
+        and successive corner times must differ by at least one sample. After the last corner, the
         parameter remains constant.
     factor : float
         Ratio of the parameter value after the complete change to the value before the onset.
@@ -237,7 +237,7 @@ class Profile(Config):
         for before, after in pairwise(times):
             if after <= before:
                 raise ValueError(f"corner times must increase; {after:g} s follows "
-                                 f"{before:g} s; for a jump, use the kind step")  # fmt: skip
+                                 f"{before:g} s; for a jump, use kind = 'step'")  # fmt: skip
         return points
 
     def factor_at(self, grid: Grid) -> Array:
@@ -246,7 +246,7 @@ class Profile(Config):
         return 1.0 + np.interp(grid.k, index, share) * (self.factor - 1.0)
 
     def onsets(self, grid: Grid) -> list[tuple[int, int]]:
-        """Return the indices of the first changed and the first settled sample of each segment."""
+        """Return, for each segment, the indices of the first changed and first settled samples."""
         index, share = self._knots(grid)
         lines = zip(pairwise(index), pairwise(share), strict=True)
         return [(first + 1, last) for (first, last), (old, new) in lines

@@ -32,11 +32,11 @@ class AdaptConfig(Config):
     Attributes
     ----------
     friction, inertia, torque : bool
-        Terms of the feed-forward. The term `friction` adds the friction torque at the desired
-        speed. The term `inertia` adds the torque for the desired acceleration. The term `torque`
-        divides the torque command by the estimated torque constant.
+        Whether the feed-forward contains each of its three terms. The term `friction` adds the
+        friction torque at the desired speed. The term `inertia` adds the torque for the desired
+        acceleration. The term `torque` divides the torque command by the estimated torque constant.
     smooth : float
-        Speed v₀ [rad/s]. Below v₀, a smooth function replaces the sign of the desired speed.
+        Speed v₀ [rad/s], below which a smooth function replaces the sign of the desired speed.
     limit : float
         Largest factor by which an estimate can lie above or below its nominal value, for all
         parameters except the torque constant. The feed-forward clips each estimate that differs
@@ -71,7 +71,7 @@ class AdaptConfig(Config):
         motion : (ndarray (R,), ndarray (R,))
             Desired speed v [rad/s] and acceleration a [rad/s²].
         of : mapping of str to float or ndarray (R,)
-            Values of the parameters in `USED`, the inertias (motor first) and k_T0, keyed by
+            Values of the parameters in `USED`, of the inertias (motor first) and of k_T0, keyed by
             parameter name.
         """
         speed, acceleration = motion

@@ -23,7 +23,7 @@ MARK: float = struct.unpack("=d", b"flexaxis")[0]
 """First number of each row of friction parameters, which identifies the row in a MuJoCo model."""
 
 WIDTH = 12
-"""Length of a row with a mark, the index of a friction law, and up to ten friction parameters."""
+"""Length of a row, which contains a mark, the index of a friction law and up to ten parameters."""
 
 Row = Sequence[float]
 
@@ -33,7 +33,7 @@ class _CompiledLaw(Nonlinearity):
 
     substeps: ClassVar[int] = 20  # the speed can change sign within 1 ms; the error is 6e-5
     parameters: ClassVar[tuple[str, ...]]
-    """Keys of the scenario table that a record contains as parameters."""
+    """Keys of the scenario table whose values a record contains as parameters."""
 
     def build(self, spec: Any) -> None:
         """Add the friction law to a model specification (`MjSpec`) of MuJoCo."""
@@ -59,8 +59,8 @@ class FrictionConfig(Nonlinearity):
     Attributes
     ----------
     coulomb : float
-        Coulomb friction torque [N m]. The friction torque opposes the motor motion. If the motor
-        rests, friction prevents motion until another torque exceeds the Coulomb friction torque.
+        Coulomb friction torque [N m]. The friction torque opposes the motor motion. If the motor is
+        at rest, friction prevents motion until another torque exceeds the Coulomb friction torque.
     """
 
     substeps: ClassVar[int] = 20  # a reversal is located to within one step; the error is 7e-4
@@ -175,8 +175,8 @@ class StaticFrictionConfig(_CompiledLaw):
     alpha : float
         Inverse speed α [s/rad]. Above the speed 1/α, the additional friction torque decays.
     beta : float
-        Inverse speed β [s/rad]. The friction torque builds up between standstill and about the
-        speed 1/β.
+        Inverse speed β [s/rad]. The friction torque builds up between standstill and a speed of
+        about 1/β.
     """
 
     parameters: ClassVar[tuple[str, ...]] = ("f_c", "f_s", "alpha", "beta")
@@ -211,7 +211,7 @@ class LoadFrictionConfig(_CompiledLaw):
     load : float
         Ratio μ of load-dependent friction torque to transmitted torque.
     smooth : float
-        Speed v₀ [rad/s]. Below v₀, a smooth function replaces the sign of the motor speed.
+        Speed v₀ [rad/s], below which a smooth function replaces the sign of the motor speed.
     """
 
     parameters: ClassVar[tuple[str, ...]] = ("f_c",)
@@ -246,20 +246,20 @@ class GearFrictionConfig(_CompiledLaw):
     Attributes
     ----------
     f_c, f_s : float
-        Coulomb torque at high speed, and additional friction torque at low speed [N m]. The values
-        of both torques apply to a drive without load.
+        Coulomb torque at high speed, and additional friction torque at low speed [N m]. Both values
+        apply to a drive without load.
     motor, external : float
-        Coefficients of the friction at all speeds: μ_m of the motor torque, and μ_e
-        of the gear torque.
+        Coefficients of the friction at all speeds: μ_m for the motor torque, and μ_e for the gear
+        torque.
     motor_slow, external_slow : float
-        Coefficients of the additional friction at low speed: μ_ms of the motor torque, and μ_es of
-        the gear torque.
+        Coefficients of the additional friction at low speed: μ_ms for the motor torque, and μ_es
+        for the gear torque.
     v_s : float
         Stribeck speed, above which the additional friction decays [rad/s].
     alpha : float
         Exponent α of the decay of the additional friction.
     smooth : float
-        Speed v₀ [rad/s]. Below v₀, a smooth function replaces the sign of the motor speed.
+        Speed v₀ [rad/s], below which a smooth function replaces the sign of the motor speed.
     """
 
     parameters: ClassVar[tuple[str, ...]] = ("f_c", "f_s", "v_s")
@@ -293,4 +293,4 @@ COMPILED_LAWS: tuple[Any, ...] = (
     LoadFrictionConfig,
     GearFrictionConfig,
 )
-"""Classes of all compiled friction laws; each row of friction parameters contains a class index."""
+"""Classes of all compiled friction laws; a row of friction parameters contains a class index."""

@@ -61,7 +61,7 @@ class Nonlinearity(Config):
 
 
 def substeps(features: Iterable[Nonlinearity], period: float, *, least: int = 1) -> int:
-    """Return the number of simulation steps that all nonlinear effects require per period.
+    """Return the number of simulation steps per sampling period that all nonlinear effects require.
 
     The argument `least` is a lower limit for the number of simulation steps per 5 ms.
 
@@ -75,7 +75,7 @@ def substeps(features: Iterable[Nonlinearity], period: float, *, least: int = 1)
 
 
 class CoggingConfig(Nonlinearity):
-    """Cogging torque of the motor magnets, amplitude · sin(poles · φ_m).
+    """Cogging torque of the motor magnets: amplitude · sin(poles · motor angle).
 
     Attributes
     ----------
@@ -127,7 +127,7 @@ class BacklashConfig(Nonlinearity):
 class StiffeningConfig(Nonlinearity):
     """Gear spring whose stiffness increases with the twist x; the torque is k_g (x + gear · x³).
 
-    The linear and the cubic term are proportional to k_g, so a fault of k_g changes both terms by
+    The linear and the cubic term are both proportional to k_g, so a fault in k_g changes them by
     the same factor.
 
     Attributes
@@ -155,7 +155,7 @@ class StiffeningConfig(Nonlinearity):
 
 
 class SaturationConfig(Nonlinearity):
-    """Torque limit of the drive; the logged torque is the command before this limit.
+    """Torque limit of the drive; the logged torque is the command before it is limited.
 
     Attributes
     ----------

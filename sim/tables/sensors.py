@@ -27,10 +27,10 @@ Signal = Literal["angle", "speed"]
 """Name of a measured motor signal: angle [rad] or speed [rad/s]."""
 
 Stage = Callable[[Array], Array]
-"""Type of a function that processes the next n samples (n, R) of a signal."""
+"""Type of a function that processes the next n samples of a signal, as an array (n, R)."""
 
 White = Callable[[str], Array]
-"""Type of a function that returns white noise (N, R) with standard deviation 1.
+"""Type of a function that returns white noise with standard deviation 1, as an array (N, R).
 
 The argument of the function is the purpose of the noise, for example "noise.speed".
 """
@@ -38,7 +38,7 @@ The argument of the function is the purpose of the noise, for example "noise.spe
 
 @runtime_checkable
 class Sensor(Protocol):
-    """Protocol of a sensor table, whose `stage` processes measured signals."""
+    """Protocol of a sensor table, whose method `stage` defines the processing of signals."""
 
     def stage(self, signal: Signal, white: White, period: float) -> Stage:
         """Return a function that processes successive samples of a measured signal.
@@ -66,7 +66,7 @@ def reading(sensors: Iterable[Sensor], signal: Signal, white: White, *, period: 
     -------
     callable
         Function that takes the next n samples of the true signal, as an array (n, R), and returns
-        the measured samples. The measured samples are bitwise the same whether the function
+        the measured samples. The measured samples are bitwise identical whether the function
         processes a whole run at once or sample by sample.
     """
     stages = [sensor.stage(signal, white, period) for sensor in sensors]
@@ -219,7 +219,7 @@ class FilterConfig(Config):
 
 
 def _late(samples: int) -> Stage:
-    """Return a function that delays a signal by a number of samples; its first outputs are 0."""
+    """Return a function that delays a signal by a number of samples; the first outputs are 0."""
     waiting: Array | None = None
 
     def stage(values: Array) -> Array:
@@ -233,7 +233,7 @@ def _late(samples: int) -> Stage:
 
 
 def _added(noise: Array) -> Stage:
-    """Return a function that adds the noise (N, R) to a signal, sample by sample."""
+    """Return a function that adds `noise`, an array (N, R), to a signal, sample by sample."""
     done = 0
 
     def stage(values: Array) -> Array:
