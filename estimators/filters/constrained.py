@@ -12,14 +12,14 @@ conditional estimate given s₀. The following formula gives the weight w of the
     w = 1/(1 + exp(½(χ² − c))),
 
 The constant c is the 95 % quantile of the χ² distribution for the number of parameters in the
-group. If the constant c were twice the number of parameters, the weight w would be the Akaike
-weight in section 2.9 of *Model selection and multimodel inference* (Burnham and Anderson, 2002). A
-wrong nominal value shifts an estimate by at most about √c standard deviations, where c is the 95 %
-quantile of the χ² distribution. If the weights were Bayes factors, the estimates would remain near
-a wrong nominal value for far longer. The shrinkage is applied to one parameter group after the
-other. The shrinkage does not change the filter state. For each parameter group, the term w(1 − w) d
-dᵀ is added to the covariance, where w is the weight of the conditional estimate, and d is the
-difference between the conditional estimate and the filter's estimate μ.
+group. If the constant c were twice the number of parameters in the group, the weight w would be the
+Akaike weight of section 2.9 of *Model selection and multimodel inference* (Burnham and Anderson,
+2002). A wrong nominal value shifts an estimate by at most about √c standard deviations, where c is
+the 95 % quantile of the χ² distribution. If the weights were Bayes factors, the estimates would
+remain near a wrong nominal value for far longer. The shrinkage is applied to one parameter group
+after the other. The shrinkage does not change the filter state. For each parameter group, the term
+w(1 − w) d dᵀ is added to the covariance, where w is the weight of the conditional estimate, and d
+is the difference between the conditional estimate and the filter's estimate μ.
 """
 
 from collections.abc import Sequence

@@ -57,8 +57,8 @@ class Design:
         Standard deviation of the noise in y, in the unit of y, or 0 if the filter has to estimate
         the noise.
     x0_covariance : (n, n) array
-        Covariance of the n states at the first sample, without the states of friction and other
-        torque laws. The initial states have zero mean.
+        Covariance of the n states at the first sample. The n states include the states of the
+        torque laws, but not the torques of these laws. The initial states have zero mean.
     differences : bool
         Whether the filter converts angle readings to angle increments.
     """

@@ -18,7 +18,8 @@ squared third difference differ strongly, the filter adapts R more slowly.
 
 All thresholds are relative to the data, so the unit of y does not matter. If y is an angle, the
 filter measures the angle relative to the first reading. For an angle, R is at least q²/12, the
-variance of the encoder's rounding error, where q is the smallest step between two readings so far.
+variance of the encoder's rounding error. The step q is the smallest difference between two
+successive readings so far.
 
 Angle measurements are so accurate that every model error affects the innovations. If y is an angle,
 the model therefore contains white torque noise that acts on the motor. The torque noise variance
@@ -67,13 +68,13 @@ CONSISTENCY = clipped_variance(CLIP)
 @inlined
 def judge(state, y, valid, prediction, spread):
     """
-    Store the innovation and update R; return the checked output, or NaN to skip the sample.
+    Store the innovation and update R; return the checked output, or NaN for a sample to skip.
 
     The argument ``spread`` is hᵀPh, the output variance due to the uncertainty of ξ. If R is
-    unknown, the filter uses no sample until the axis moves. When the axis starts to move, the
-    initial value of R is e² + hᵀPh. If the model contains torque noise, the initial value of R is
-    the rounding error variance q²/12 instead. If y is an angle, the returned output is relative to
-    the first reading.
+    unknown, the filter uses no sample until the axis moves. When the axis starts to move, R is
+    initialised to e² + hᵀPh. If the model contains torque noise, R is initialised to the rounding
+    error variance q²/12 instead. If y is an angle, the returned output is relative to the first
+    reading.
     """
     noise = state["noise"]
     S = spread + noise
@@ -123,7 +124,7 @@ def judge(state, y, valid, prediction, spread):
 
 @inlined
 def _count(state, y, prediction):
-    """Set the angle origin to the first reading, and estimate the encoder's rounding error."""
+    """Set the angle origin to the first reading, and estimate the rounding error variance."""
     if state["anchored"] == 0.0:
         state["origin"] = y - prediction
     rounding = (y - state["reading"]) ** 2 / 12.0

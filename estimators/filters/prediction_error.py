@@ -115,8 +115,7 @@ def recursion(
     correct : bool
         Whether the filter corrects its state when the parameter estimate changes.
     ceiling : float
-        Upper limit on the variance of an estimate relative to θ(0)², or infinity to disable the
-        limit.
+        Upper limit on the variance of an estimate, relative to θ(0)²; infinity disables the limit.
     **more : float
         Initial values of further scalar variables, such as the options of a forgetting rule.
     """

@@ -22,9 +22,10 @@ mean over all hypotheses, including the hypothesis that no parameter jumped.
 
 The grid of onset times becomes coarser towards the past. Level 0 of the grid contains the last
 `PER_LEVEL` onsets at the finest spacing. Each further level of the grid contains `MORE` older
-onsets at twice the spacing of the previous level. When an onset is `PER_LEVEL` spacings old, it
-moves to the next level if it fits the coarser grid, and is dropped otherwise. Each onset therefore
-belongs to exactly one level and represents all jump times within one grid spacing.
+onsets at twice the spacing of the previous level. When the age of an onset reaches `PER_LEVEL` grid
+spacings, the onset moves to the next level if it fits the coarser grid, and is dropped otherwise.
+Each onset therefore belongs to exactly one level and represents all jump times within one grid
+spacing.
 """
 
 from typing import NamedTuple

@@ -29,8 +29,8 @@ class Workspace:
     tracked : int
         Number of tracked parameters, whose estimates are the output of the estimator.
     told : dict of int to float
-        Nominal values, in units of the parameter scale, towards which the estimates are shrunk
-        (`flexaxis.estimators.filters.constrained`).
+        Nominal values towards which the estimates are shrunk
+        (`flexaxis.estimators.filters.constrained`), in units of the parameter scale.
     fixable : dict of int to str
         Reason, in words, for fixing a parameter that the data do not excite, keyed by the index of
         the parameter in θ.

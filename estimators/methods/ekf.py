@@ -30,8 +30,8 @@ def joint_ekf(design: Design, **torque_noise: float) -> CompiledFilter:
     samples in succession.
 
     P is the covariance of the estimation error if θ is a random walk with the covariance W. If θ is
-    constant and adaptation is slow, the actual error variance is half of P. After a jump of θ, the
-    claimed covariance P is far smaller than the actual error covariance.
+    constant and adaptation is slow, the actual error covariance is half of P. After a jump of θ,
+    the claimed covariance P is far smaller than the actual error covariance.
 
     Parameters
     ----------

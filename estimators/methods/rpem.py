@@ -132,8 +132,8 @@ class Rpem(CompiledFilter):
     covariance : (p, p) array
         Covariance R̂ Σ that the filter claims for its estimate of a constant θ. The measurement
         update of Σ is Σ ← (I − Kψᵀ) Σ (I − Kψᵀ)ᵀ + K Kᵀ with the gain K = P(t|t) ψ. An assignment
-        to P also sets Σ to P. During slow, steady adaptation, the covariance Σ equals P/2. If
-        ``noise`` is given, the noise variance R̂ is the square of ``noise``. Otherwise R̂ is a
+        to P sets Σ to the same value. During slow, steady adaptation, the covariance Σ equals P/2.
+        If ``noise`` is given, the noise variance R̂ is the square of ``noise``. Otherwise R̂ is a
         running mean of ε²/(1+ψᵀΣψ) with a memory of 2 s. The running mean R̂ starts at one and is
         updated only while the axis is excited.
     epsilon : float

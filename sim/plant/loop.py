@@ -128,7 +128,7 @@ def _changing(values: Array) -> set[int]:
 
 
 def plant_of(scenario: Scenario, runs: int = 1, ticks: int = 1) -> Plant:
-    """Return the plant of a scenario at rest, with its parameter values before the first fault.
+    """Return the plant of a scenario, at rest and with its parameter values before any fault.
 
     Parameters
     ----------
