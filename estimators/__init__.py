@@ -1,11 +1,11 @@
-"""Estimators of the physical parameters of an axis from motor torque and motor angle or speed.
+"""Estimators that compute the physical parameters of an axis from motor torque and angle or speed.
 
 The modules in `estimators` never read the true parameters and import no other package of the suite,
 so the estimators also run on logs of a real axis. An estimator receives the torque u[k], the output
-y[k] and prior knowledge (`problem`). An estimator returns the parameter estimate θ[k] and the
-detected parameter changes (`protocol`). `models` describes the axes. `filters` and `glr` process
-samples one by one, and `offline` processes whole records. `methods` contains the estimators, and
-`registry` lists the estimators by name.
+y[k] and prior knowledge, which `problem` describes. An estimator returns the parameter estimate
+θ[k] and the detected parameter changes, as `protocol` specifies. The package `models` contains
+models of axes. `filters` and `glr` process samples one by one, and `offline` processes whole
+records. `methods` contains the estimators, and `registry` lists the estimators by name.
 """
 
 import sys
@@ -54,7 +54,7 @@ class _Listing(ModuleType):
     """Module type that makes `flexaxis.estimators` callable; a call lists the estimators."""
 
     def __call__(self, *, find: str = "") -> list[dict[str, str]]:
-        """Return names and cards (summaries) of all estimators that contain the text ``find``."""
+        """Return name and card (summary) of each estimator whose name or card contains ``find``."""
         from flexaxis.estimators.registry import REGISTRY
 
         lines = [{"name": entry.name, "card": entry.summary} for entry in REGISTRY.values()]

@@ -1,4 +1,4 @@
-"""The tuning parameter of an estimator, a trade-off between fast and low-noise estimates."""
+"""The tuning parameter of an estimator, which trades the speed of its estimates against noise."""
 
 import math
 import re
@@ -25,18 +25,18 @@ TRANSFORMS: Mapping[str, Callable[[float], float]] = {
 @dataclass(frozen=True)
 class Knob:
     """
-    The tuning parameter of an estimator; a higher position makes estimates faster and noisier.
+    The tuning parameter of an estimator; higher tuning positions make estimates faster and noisier.
 
     Attributes
     ----------
     name : str
-        Name of the option that serves as tuning parameter.
+        Name of the option that serves as the tuning parameter.
     transform : {"", "1-", "1/"}
         Name of the function that converts an option value to a tuning position and back.
     usual : float
         Tuning position that corresponds to the default value of the option.
     least, most : float
-        Lowest and highest allowed tuning position.
+        Lowest and highest allowed tuning positions.
     """
 
     name: str
@@ -46,7 +46,7 @@ class Knob:
     most: float
 
     def at(self, position: float) -> dict[str, float] | None:
-        """Return option name and value at a tuning position, or None if it is out of range."""
+        """Return the option name and value at ``position``, or None for a position out of range."""
         if not self.least <= position <= self.most:
             return None
         return {self.name: self.value(position)}
@@ -56,7 +56,7 @@ class Knob:
         return TRANSFORMS[self.transform](position)
 
     position = value
-    """Return the tuning position of an option value, with the same formula as `value`."""
+    """Return the tuning position of an option value, by the same formula as in `value`."""
 
 
 def make_knob(declared: Any, defaults: Mapping[str, Any]) -> Knob:
@@ -66,11 +66,12 @@ def make_knob(declared: Any, defaults: Mapping[str, Any]) -> Knob:
     Parameters
     ----------
     declared : str
-        Declaration of the tuning parameter. The declaration ``"gain"`` denotes an option whose
-        larger values make the estimates faster. The declaration ``"1-lam"`` denotes a forgetting
-        factor λ, whose tuning position is 1−λ. The declaration ``"1/window"`` denotes an option
-        whose larger values make the estimates slower. A declaration without prefix also denotes a
-        forgetting factor if the default of the option lies in [0.9, 1).
+        Declaration of the tuning parameter. An option name alone, such as ``"gain"``, denotes an
+        option whose larger values make the estimates faster. The prefix ``1-``, as in ``"1-lam"``,
+        denotes a forgetting factor λ, whose tuning position is 1−λ. The prefix ``1/``, as in
+        ``"1/window"``, denotes an option whose larger values make the estimates slower. A
+        declaration without a prefix also denotes a forgetting factor if the default of the option
+        lies in [0.9, 1).
     defaults : mapping
         Names and default values of the estimator options.
 
@@ -88,8 +89,8 @@ def make_knob(declared: Any, defaults: Mapping[str, Any]) -> Knob:
     read = re.fullmatch(r"(1-|1/)?\s*(\w+)", str(declared).strip())
     if read is None:
         raise EstimatorError(
-            f"the attribute `knob` is {declared!r}, but needs a form "
-            'like "gain", "1-lam" or "1/window"'
+            f"the attribute `knob` is {declared!r}, but must have a form "
+            'such as "gain", "1-lam" or "1/window"'
         )
     transform, name = read[1] or "", read[2]
     value = defaults.get(name)
@@ -106,7 +107,8 @@ def make_knob(declared: Any, defaults: Mapping[str, Any]) -> Knob:
         most = min(most, math.nextafter(1.0, 0.0))
         if not 0 < usual < 1:
             raise EstimatorError(
-                f"the option in the attribute `knob`, {declared!r}, needs a default between 0 and 1"
+                f"the attribute `knob` is {declared!r}, so the default of this option must lie "
+                "between 0 and 1"
             )
     return Knob(name, transform, usual, usual / FARTHEST, most)
 
@@ -116,17 +118,18 @@ def tunings() -> Mapping[str, Mapping[str, Any]]:
     """
     Return the tuned settings from ``tuned.toml``, keyed by estimator name.
 
-    Each tuned setting is a table with several keys. The keys ``estimator``, ``knob`` and ``value``
-    name the estimator, the tuned option and its value. The key ``setting`` contains the tuned
-    setting in the format of the option ``--estimator``. The tuning matched one noise measure, named
-    by the key ``match``, to that of the estimator `rpem-forgetting` with λ = 0.995. If ``match`` is
-    "excess", the noise measure is the excess prediction error; otherwise ``match`` is the name of
-    the parameter whose standard deviation was matched. The key ``ratio`` contains the matched noise
-    measure divided by that of `rpem-forgetting`. If the noise measure is the excess prediction
-    error, ``ratio`` is the square root of the quotient. The key ``command`` contains the command
-    that determined the setting. The keys ``model`` (``"n1"``, the nominal axis), ``identify``,
-    ``period`` [s] and ``noise`` (standard deviation of the noise in y [rad/s]) describe the tuning
-    conditions. The program uses a tuned setting at every noise level.
+    Each tuned setting is a table with the following keys. The keys ``estimator``, ``knob`` and
+    ``value`` contain the names of the estimator and of the tuned option, and the value of this
+    option. The key ``setting`` contains the tuned setting in the format of the command-line option
+    ``--estimator``. The key ``match`` names the noise measure that the tuning matched to that of
+    the estimator `rpem-forgetting` with λ = 0.995. If ``match`` is "excess", the noise measure is
+    the excess prediction error; otherwise ``match`` is the name of the parameter whose standard
+    deviation was matched. The key ``ratio`` contains the matched noise measure divided by that of
+    `rpem-forgetting`, or the square root of this quotient if ``match`` is "excess". The key
+    ``command`` contains the command that determined the setting. The keys ``model``, ``identify``,
+    ``period`` [s] and ``noise`` describe the tuning conditions. The model ``"n1"`` is the nominal
+    axis, and ``noise`` is the standard deviation of the noise in y [rad/s]. The program uses a
+    tuned setting at every noise level.
     """
     text = files("flexaxis.estimators").joinpath("tuned.toml").read_text(encoding="utf-8")
     return {table["estimator"]: table for table in tomllib.loads(text)["tuned"]}

@@ -1,4 +1,4 @@
-"""The estimation problem, with the parameters to estimate and the prior knowledge."""
+"""The estimation problem, which consists of the parameters to estimate and the prior knowledge."""
 
 import warnings
 from collections.abc import Mapping, Sequence
@@ -41,8 +41,8 @@ class Problem:
     Parameters
     ----------
     nominal : mapping of str to float, or Model
-        Either nominal parameter values of the three-mass axis, including data-sheet values, or an
-        axis model.
+        Either an axis model, or the nominal parameter values of the three-mass axis, including any
+        data-sheet values.
     period : float
         Sampling period [s].
     identify : sequence of str
@@ -50,7 +50,7 @@ class Problem:
     output : str
         Name of the output signal y, as listed in `flexaxis.estimators.signals.SIGNALS`.
     P0 : (p,) or (p, p) array_like, optional
-        Initial matrix P(0) or the diagonal of P(0).
+        Initial matrix P(0), or only its diagonal.
     torque : (N,) array_like, optional
         Motor torque of a nominal motion [N m], from which
         `flexaxis.estimators.offline.priors.nominal_P` computes P(0). The torque also determines the
@@ -63,7 +63,8 @@ class Problem:
     Attributes
     ----------
     model : Model
-        Axis model passed as ``nominal``, or the linear model of the three-mass axis.
+        The axis model that was passed as ``nominal``, or otherwise the linear model of the
+        three-mass axis.
 
     Raises
     ------
@@ -104,7 +105,7 @@ class Problem:
         return self.model.parametrize(self.identify).theta
 
     def tuned(self, name: str) -> float | None:
-        """Return an estimator's tuned option value, or None if it is not tuned for the axis."""
+        """Return an estimator's tuned option value, or None if no value was tuned for the axis."""
         tuned = tunings().get(name)
         if (
             tuned
@@ -123,7 +124,7 @@ class Problem:
         memory, slowest = self.period / max(1 - weight, 1e-300), 1 / rates.min(initial=np.inf)
         if memory < SHORT * slowest:
             warnings.warn(
-                f"the estimator {name} has a memory of {memory:.3g} s (forgetting {weight:g}), but "
+                f"the estimator {name} has a memory of {memory:.3g} s (forgetting={weight:g}), but "
                 f"the slowest pole of the axis has a time constant of {slowest:.3g} s. The "
                 f"estimates can diverge; set forgetting={1 - self.period / slowest:.6g} or more, "
                 "or use the estimator glr",
@@ -205,6 +206,6 @@ class Problem:
         if walk is None:
             walk = self.tuned(name) or usual
         above_zero("walk", walk, "the standard deviation of the random walk")
-        above_zero("spread", spread, "the initial standard deviation")
+        above_zero("spread", spread, "the initial relative standard deviation")
         prior, drift = (spread * self.theta) ** 2, self.period * (walk * self.theta) ** 2
         return make_design(self.model, **self.asked, P0=prior, drift=drift, corrects=True)

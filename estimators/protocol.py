@@ -1,7 +1,8 @@
 """
 The interface of an estimator, and the report of a detected parameter change.
 
-`Estimator` is a structural protocol, so a user's class does not have to import the package.
+`Estimator` is a structural protocol, so a user-written estimator class does not have to import the
+package.
 """
 
 from collections.abc import Callable, Sequence
@@ -24,13 +25,14 @@ class Estimator(Protocol):
     """
     Any estimator object with the attributes ``names`` and ``output`` and the method ``step``.
 
-    An estimator can have further methods and attributes. The method ``run(u, y, valid=None) -> (N,
-    p)`` is a faster equivalent of N steps. The method ``reset()`` restores the initial state. The
-    attribute ``covariance`` (p, p) is the claimed covariance of the estimate. The attribute
-    ``innovations`` (N, 2) contains the innovation y − ŷ and its claimed variance for each sample of
-    the last ``run``, or NaN where y was missing. The attribute ``alarm`` (bool) is True if the
-    estimator detected a change in the last sample. The attribute ``findings`` is a sequence of
-    objects with ``alarm`` (sample index) and ``parameters`` (names of the changed parameters).
+    An estimator can also have the following methods and attributes. The method ``run(u, y,
+    valid=None)`` returns an (N, p) array and is a faster equivalent of N calls of ``step``. The
+    method ``reset()`` restores the initial state. The attribute ``covariance`` (p, p) is the
+    claimed covariance of the estimate. The attribute ``innovations`` (N, 2) contains the innovation
+    y − ŷ and its claimed variance for each sample of the last ``run``, or NaN where y was missing.
+    The attribute ``alarm`` (bool) is True if the estimator detected a change in the last sample.
+    The attribute ``findings`` is a sequence of objects with the attributes ``alarm`` (sample index)
+    and ``parameters`` (names of the changed parameters).
 
     Attributes
     ----------
@@ -47,7 +49,7 @@ class Estimator(Protocol):
     def output(self) -> str: ...  # noqa: D102
 
     def step(self, u: float, y: float | None) -> ArrayLike:
-        """Process u[k] and y[k], or None in a gap, and return the parameter estimate θ[k] (p,)."""
+        """Process u[k] and y[k], and return the estimate θ[k] (p,); in a gap, y is None."""
 
 
 @dataclass(frozen=True)
@@ -65,13 +67,13 @@ class Finding:
         Names of the changed parameters, or an empty tuple if the estimator cannot attribute the
         change to a parameter.
     ratio : tuple of float
-        For each changed parameter, the new value divided by the old value. The ratio of new to old
-        value is NaN if the old value does not differ clearly from zero.
+        For each changed parameter, the new value divided by the old value. The ratio of the new to
+        the old value is NaN if the old value does not differ clearly from zero.
     reason : str
         Reason why ``parameters`` is empty, or an empty string if ``parameters`` is not empty.
     interval : tuple of (float, float)
-        95 % confidence interval of each ratio of new to old value, or an empty tuple if the
-        estimator claims no interval.
+        95 % confidence interval for each element of ``ratio``, or an empty tuple if the estimator
+        claims no interval.
     """
 
     alarm: int
@@ -91,8 +93,8 @@ def run_estimator(
     Parameters
     ----------
     estimator : Estimator
-        Estimator that processes the samples. After the call, the estimator is in the state after
-        the last sample.
+        Estimator that processes the samples. The call leaves the estimator in its state after the
+        last sample.
     u, y : (N,) array_like
         Motor torque and measured output.
     valid : (N,) array_like of bool, optional
@@ -138,7 +140,7 @@ def theta_of(
     names : sequence of str
         Names of the p estimated parameters.
     estimator : Estimator
-        Estimator that returned the value, which the error message names.
+        Estimator that returned the value; the error message locates its method ``step``.
 
     Returns
     -------
@@ -159,14 +161,14 @@ def theta_of(
 
 def numbers_of(returned: ArrayLike, call: Callable[..., object]) -> NDArray[np.float64]:
     """
-    Convert the value returned by a call to floats, with NaN for masked elements.
+    Convert the return value of a function to floats, with NaN for masked elements.
 
     Parameters
     ----------
     returned : array_like
         Value that the user's function returned.
     call : callable
-        Function that returned the value, which the error message names.
+        Function that returned the value; the error message names this function.
 
     Raises
     ------

@@ -34,16 +34,18 @@ class Entry:
         Function ``make(problem, *, <own options>)`` that constructs the estimator for a
         `flexaxis.estimators.problem.Problem`.
     knob : str or None
-        Declaration of the tuning parameter, in the format of `flexaxis.estimators.knob.make_knob`.
+        Declaration of the tuning parameter, in the format that `flexaxis.estimators.knob.make_knob`
+        accepts.
     default : float or None
-        Default of the tuning parameter for an axis without tuned values. The default of a
-        forgetting factor refers to a sampling period of 5 ms; other periods use the same time
-        constant.
+        Default value of the tuning parameter for an axis without tuned values. The default value of
+        a forgetting factor applies to a sampling period of 5 ms; at any other period, the time
+        constant is the same.
     rank : float
-        Sort key of the estimator for lists and plot colours.
+        Sort key that determines the order of the estimators in lists and the assignment of plot
+        colours.
     laws : bool
-        Whether the estimator can identify parameters of friction and other nonlinear torques. All
-        other estimators identify only parameters of the linear model.
+        Whether the estimator can identify parameters of friction and other nonlinear torques. If
+        False, the estimator identifies only parameters of the linear model.
     told_noise : bool
         Whether the estimator uses a known noise level of y.
     """
@@ -63,11 +65,12 @@ class Entry:
         Function that constructs the estimator from nominal values, period and options.
 
         The signature is ``factory(nominal, period, *, identify, output, P0, torque, noise, bounds,
-        <options>)``. The argument ``nominal`` is either a mapping from the physical parameters of
-        the three-mass axis to values, or a model with its own nominal values. The nominal values
-        determine θ(0). The argument ``P0`` is the initial matrix P(0), which methods without P(0)
-        ignore. By default, `flexaxis.estimators.offline.priors.nominal_P` computes P(0) from the
-        argument ``torque``, the motor torque (N,) of a nominal motion.
+        <options>)``. The argument ``nominal`` is either a mapping from the names of the three-mass
+        axis's physical parameters to their values, or a model with its own nominal values. The
+        nominal values determine θ(0). The argument ``P0`` is the initial matrix P(0); estimators
+        that have no P(0) ignore it. By default, `flexaxis.estimators.offline.priors.nominal_P`
+        computes P(0) from the argument ``torque``, which is the motor torque (N,) of a nominal
+        motion.
         """
         own = [*inspect.signature(self.make).parameters.values()][1:]
         every = inspect.signature(Problem).parameters

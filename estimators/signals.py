@@ -1,4 +1,4 @@
-"""The output signals that an estimator can process, with signal models and sample checks."""
+"""The output signals that an estimator can process, their models, and checks of the samples."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -109,7 +109,7 @@ SIGNALS = {
         ),
     )
 }
-"""The output signals by name; an estimator's attribute ``output`` is one of these names."""
+"""The output signals, keyed by name; an estimator's attribute ``output`` is one of these names."""
 
 
 def find_signal(output: str) -> Signal:
@@ -123,7 +123,9 @@ def increments(
     angles: Array, valid: NDArray[np.bool_], before: float, period: float
 ) -> tuple[Array, NDArray[np.bool_], float]:
     """
-    Return angle increments (φ[k]−φ[k−1])/T (N,), their validity (N,), and the last angle.
+    Return angle increments (φ[k]−φ[k−1])/T, a mask of the valid increments, and the last angle.
+
+    The increments and the mask have the shape (N,).
 
     Parameters
     ----------
@@ -132,7 +134,7 @@ def increments(
     valid : (N,) bool array
         Mask that is True for valid angles. A missing angle makes two angle increments invalid.
     before : float
-        Angle one sample before the first element of ``angles`` [rad], or NaN.
+        Angle one sample before the first element of ``angles`` [rad], or NaN if it is missing.
     period : float
         Sampling period T [s].
     """
@@ -159,7 +161,7 @@ def check_signals(
     u, y : (N,) arrays
         Motor torque and measured output.
     valid : (N,) bool array
-        Whether the output is valid in each sample.
+        For each sample, whether the output is valid.
 
     Raises
     ------
@@ -181,8 +183,8 @@ def check_signals(
         if not finite.all():
             k = int(np.argmin(finite))
             raise EstimatorError(
-                f"{name} is {values[k]} at sample {k}, but every value must be finite (mark a gap "
-                "with valid[k] = False and any finite value)"
+                f"{name} is {values[k]} at sample {k}, but every value must be finite (to mark a "
+                "gap, set valid[k] = False and y[k] to any finite value)"
             )
     return u, y, present
 
