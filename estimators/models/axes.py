@@ -14,12 +14,13 @@ PAPER = ("k_T", "1/J_a", "f_m")  # parameters identified in the paper
 
 def one_mass(nominal: Mapping[str, float]) -> Model:
     """
-    Return the model J_m ω̇ = k_T u − f_m ω of a rigid motor with viscous friction.
+    Return the model of a rigid motor with viscous friction, J_m ω̇ = k_T u − f_m ω.
 
     Parameters
     ----------
     nominal : mapping
-        Nominal values of k_T, the inertia J_m and the viscous friction f_m [SI].
+        Nominal values of the torque constant k_T, the inertia J_m and the viscous friction f_m
+        [SI].
 
     Returns
     -------
@@ -125,7 +126,7 @@ COGGING = Law(
     acts={"speed_motor": "1/J_m"},
     parameters={"sine": "c_sin", "cosine": "c_cos", "poles": "poles"},
 )
-"""Motor cogging; the model must contain the motor angle (`with_angle`)."""
+"""Motor cogging; the model must contain the motor angle, which `with_angle` adds."""
 LIMIT = Law(
     "clip",
     drive={INPUT: 1.0},
@@ -147,7 +148,7 @@ def with_angle(model: Model, state: str = "angle_motor") -> Model:
 
 
 def with_cogging(model: Model) -> Model:
-    """Return the model with motor cogging as last torque law and motor angle as last state."""
+    """Return the model with motor cogging as the last law and the motor angle as the last state."""
     model = with_angle(model)
     cogging = {"c_sin": 0.0, "c_cos": 0.0, "poles": 10.0}
     return replace(model, laws=(*model.laws, COGGING), nominal=dict(model.nominal) | cogging)
@@ -188,8 +189,9 @@ def two_mass(nominal: Mapping[str, float]) -> Model:
     Parameters
     ----------
     nominal : mapping
-        Nominal values of k_T, the inertias J_m (motor) and J_l (load), the shaft stiffness k, the
-        shaft damping d, and the viscous friction f_m (motor) and f_l (load) [SI].
+        Nominal values of the torque constant k_T, the inertias J_m (motor) and J_l (load), the
+        shaft stiffness k, the shaft damping d, and the viscous friction f_m (motor) and f_l (load)
+        [SI].
 
     Returns
     -------
@@ -221,12 +223,12 @@ class Traits:
     Attributes
     ----------
     inertia : float
-        Total inertia of the axis, referred to the motor, for k_T = 1 [kg m²].
+        Total inertia of the axis, referred to the motor, under the assumption k_T = 1 [kg m²].
     friction : float
         Assumed small value of the viscous friction [N m s/rad].
     resonance : float
-        Frequency at which the gain |G| exceeds that of the rigid total inertia by the largest
-        factor [rad/s].
+        Frequency [rad/s] at which the gain |G| of the axis exceeds that of a rigid axis with the
+        same total inertia by the largest factor.
     """
 
     inertia: float
@@ -246,8 +248,8 @@ class _Shipped:
     rough : mapping
         Plausible parameter values of an unknown axis [SI].
     guess : callable or None
-        Function ``guess(traits)`` that derives better parameter values from the frequency response,
-        or None if the frequency response does not determine the parameters.
+        Function ``guess(traits)`` that derives better parameter values than ``rough`` from the
+        frequency response, or None if the frequency response does not determine the parameters.
     """
 
     factory: Callable[[Mapping[str, float]], Model]
@@ -260,7 +262,7 @@ def _one_mass_guess(seen: Traits) -> dict[str, float]:
 
 
 def _two_mass_guess(seen: Traits) -> dict[str, float]:
-    """Return two equal inertias J with the resonance ω² = 2 k/J and a damping ratio of 2 %."""
+    """Return parameters for two equal inertias J, resonance ω² = 2 k/J and a 2 % damping ratio."""
     stiffness = seen.resonance**2 * seen.inertia / 4
     return {
         "k_T": 1.0, "J_m": seen.inertia / 2, "J_l": seen.inertia / 2, "k": stiffness,

@@ -1,14 +1,14 @@
 """
-Compilation of functions by numba at their first call; the code serves all axis models.
+Compilation of functions by numba at their first call; all axis models share the compiled code.
 
 The decorators `compiled` and `loop` mark functions that Python calls and that numba caches. All
 other decorators in `compiler` mark functions that numba compiles into their callers. The module
-imports numba only when a function is compiled, because the import of numba takes longer than all
-other steps of listing the estimators.
+imports numba only when a function is compiled, because importing numba takes longer than everything
+else that is needed to list the estimators.
 
-Numba recompiles a cached function if the source file of the function changes, but not if a source
-file of a called function changes. The name of the cache folder is therefore a digest of all source
-files and of the numba version, so any edit leads to a new cache folder.
+Numba recompiles a cached function if the source file of the function changes, but not if the source
+file of a function that it calls changes. The name of the cache folder is therefore a digest of all
+source files and of the numba version, so any edit leads to a new cache folder.
 """
 
 import gc
@@ -79,13 +79,13 @@ class Compiled:
 
 
 compiled = partial(Compiled, kept=True, _nrt=True)
-"""Decorator for functions that Python calls and numba compiles."""
+"""Decorator for functions that Python calls and that numba compiles."""
 loop = partial(Compiled, kept=True)
 """Decorator for functions that Python calls and that create no arrays."""
 inlined = Compiled
 """Decorator for functions that numba compiles into the calling functions."""
 fused = partial(Compiled, fastmath={"contract"})
-"""Decorator like `inlined`, which also allows the compiler to round a·b + c only once."""
+"""Decorator like `inlined` that also allows the compiler to round a·b + c only once."""
 embedded = partial(Compiled, forceinline=True)
 """Decorator like `inlined` that forces inlining, for functions that create many views."""
 summed = partial(Compiled, fastmath={"contract", "reassoc"})
@@ -94,7 +94,7 @@ summed = partial(Compiled, fastmath={"contract", "reassoc"})
 
 @contextmanager
 def _alone(name: str) -> Iterator[None]:
-    """Make other processes that need a function wait until the compiled function is cached."""
+    """Block other processes that need a function until the compiled function is cached."""
     folder, collects = cache_folder(), gc.isenabled()
     if folder is None:
         _tell("compiling filters in every process, because no cache folder is writable")
@@ -140,11 +140,11 @@ def _numba() -> Any:
 @lru_cache
 def cache_folder() -> Path | None:
     """
-    Create and return the cache folder for compiled code, or return None without write access.
+    Create and return the cache folder for compiled code, or return None if it is not writable.
 
     The environment variable ``FLEXAXIS_COMPILED`` or ``NUMBA_CACHE_DIR`` sets the parent folder of
-    the numba cache. If neither environment variable is set, the parent folder is the cache folder
-    of the user.
+    the numba cache. If neither environment variable is set, the parent folder is a subfolder of the
+    user's cache folder.
     """
     given = os.environ.get("FLEXAXIS_COMPILED") or os.environ.get("NUMBA_CACHE_DIR")
     try:
@@ -180,7 +180,7 @@ def digest(folder: Path) -> str:
 
 
 def user_cache() -> Path:
-    """Return the folder for cached files of the current user."""
+    """Return the current user's folder for cached files."""
     if folder := os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA"):
         return Path(folder)
     return Path("~/Library/Caches" if sys.platform == "darwin" else "~/.cache").expanduser()

@@ -37,18 +37,18 @@ def plan(
 
     The truncation error of the series is negligible for all parameters θ within their bounds. The
     function bounds each entry of |A(θ)| by evaluating every monomial at the worst combination of
-    parameter bounds. The Perron root ρ of the nonnegative matrix of these bounds is the smallest
-    matrix norm that any choice of units can achieve. If a sample is divided into s substeps, the
-    normalised substep length x = ρT/s therefore does not depend on the units. The sensitivities
-    have the largest truncation error. For the normalised substep length x, the truncation error of
-    the sensitivities after m terms is below Σ_{k>m} k·x^(k−1)/k! = Σ_{k≥m} x^k/k!. For a chain of n
-    integrators, a suitable choice of units makes the matrix norm arbitrarily small, but the series
-    is exact only after 2(n+1) terms.
+    parameter bounds. These bounds form a nonnegative matrix. The Perron root ρ of this matrix is
+    the smallest matrix norm that any choice of units can achieve. If a sample is divided into s
+    substeps, the normalised substep length x = ρT/s therefore does not depend on the units. The
+    sensitivities have the largest truncation error. For the normalised substep length x, the
+    truncation error of the sensitivities after m terms is below Σ_{k>m} k·x^(k−1)/k! = Σ_{k≥m}
+    x^k/k!. For a chain of n integrators, a suitable choice of units makes the matrix norm
+    arbitrarily small, but the series is exact only after 2(n+1) terms.
 
-    For a model with nonlinear torques, the series has a larger tolerance, because the solution for
-    the nonlinear torques is also less accurate. The accuracy of the series is guaranteed if each
-    parameter is within a factor of `LAW_RANGE` of its initial value. If a parameter differs from
-    its initial value by a larger factor, the series still converges, but without a guaranteed
+    For a model with nonlinear torques, the tolerance of the series is larger, because the solution
+    for the nonlinear torques is less accurate anyway. The accuracy of the series is guaranteed if
+    each parameter is within a factor of `LAW_RANGE` of its initial value. If a parameter differs
+    from its initial value by a larger factor, the series still converges, but without a guaranteed
     accuracy.
 
     Parameters
@@ -100,7 +100,7 @@ def law_steps(model: Parametrization, period: float) -> int:
 
 
 def _order(x: float, tolerance: float) -> int:
-    """Return the lowest series order with an error of at most ``tolerance`` at substep length x."""
+    """Return the lowest series order whose error at substep length x is at most ``tolerance``."""
     powers = np.cumprod(np.r_[1.0, x / np.arange(1.0, 60.0)])  # x^k/k!
     remainders = np.cumsum(powers[::-1])[::-1]
     return int(np.argmax(remainders <= tolerance))
@@ -119,7 +119,7 @@ def _perron_root(model: Parametrization, lower: Array, upper: Array) -> float:
 
 def extended_system(model: Parametrization, theta: Array) -> tuple[Array, Array, Array]:
     """
-    Return the extended system of equations (22) and (23), with sensitivities z_i for each θ_i.
+    Return the extended system of equations (22) and (23), with the sensitivities z_i to each θ_i.
 
     Parameters
     ----------

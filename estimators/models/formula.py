@@ -13,7 +13,7 @@ Monomial = tuple[float, Mapping[str, int]]
 @lru_cache(maxsize=1024)
 def multiply_out(entry: str) -> tuple[Monomial, ...]:
     """
-    Expand a formula into a sum of monomials c·Πθ^e.
+    Expand a formula into a sum of monomials c·Πθ^e with coefficients c and integer exponents e.
 
     Parameters
     ----------

@@ -1,12 +1,13 @@
 """
 An implicit solution for nonlinear torques, which are treated as constant over a step.
 
-For constant torques F, the linear part has the exact solution x⁺ = Φ x + Γ_u u + Γ_F F over a step
-of length h. Each torque law uses the mean w̄ = ½ D (x + x⁺) of its driving variable at the start
-and at the end of the step. Therefore w̄ = c + G F(w̄) with c = ½ D (x + Φ x + Γ_u u) and G = ½ D
-Γ_F. The equations of all torque laws are solved simultaneously. The integration scheme has second
-order and is stable for any friction stiffness. The exact derivatives w̄' of the mean driving
-variables follow from (I − G F_w) w̄' = c' + G' F + G (F_s s' + F_θ).
+For constant torques F, the linear part of the model has the exact solution x⁺ = Φ x + Γ_u u + Γ_F F
+over a step of length h. Each torque law uses the mean of its driving variable at the start and at
+the end of the step. These means are w̄ = ½ D (x + x⁺), where D contains the coefficients of the
+driving variables. Therefore w̄ = c + G F(w̄) with c = ½ D (x + Φ x + Γ_u u) and G = ½ D Γ_F. The
+equations of all torque laws are solved simultaneously. The integration scheme is of second order
+and is stable for any friction stiffness. The exact derivatives w̄' of the mean driving variables
+follow from (I − G F_w) w̄' = c' + G' F + G (F_s s' + F_θ).
 """
 
 import numpy as np
@@ -33,7 +34,7 @@ LEAST_SHARE = 1 / 64  # smallest fraction of a step if the steps reverse without
 @fused
 def half_drives(drive, X, u, w):
     """
-    Compute half of all driving variables, w = ½ D [x; u], and their derivatives.
+    Compute half the value of each driving variable, w = ½ D [x; u], and the derivatives of w.
 
     The states x and their derivatives are the first rows of X (≥ n, lanes). The function writes its
     results to ``w`` (L, lanes).
@@ -70,10 +71,10 @@ def react(axis, h, u, X):
         driving variables of the laws. The array ``response`` (L, N, lanes) contains the change Γ_F
         of each row of X that a constant unit torque causes over a step. The array ``coupling`` (L,
         L, lanes) contains the columns of G = ½ D Γ_F, the effect of the torques on the mean driving
-        variables. The array ``lanes[0]`` (L, lanes) contains half of the driving variables before
-        the step. The function writes the mean driving variables w̄ to ``lanes[1]`` and the torques
-        F to ``lanes[2]``, with all derivatives. The function also overwrites ``work`` (L, 2 L),
-        whose right half becomes (I − G F_w)⁻¹.
+        variables. The array ``lanes[0]`` (L, lanes) contains half the values of the driving
+        variables before the step. The function writes the mean driving variables w̄ to ``lanes[1]``
+        and the torques F to ``lanes[2]``, with all derivatives. The function also overwrites
+        ``work`` (L, 2 L), whose right half becomes (I − G F_w)⁻¹.
     h : float
         Length of the integration step [s].
     u : float
@@ -125,7 +126,7 @@ def _differentiate(laws, coupling, work, X, mean, torque):  # noqa: PLR0917
 
 @fused
 def _add_parameters(law, which, A, i):
-    """Add the derivatives of a law's torque (0) or own state (1) with respect to θ to row A_i."""
+    """Add the θ derivatives of a law's torque (``which`` = 0) or own state (1) to the row A_i."""
     for r in range(MOST_ROLES):
         if law["parameter"][r] >= 0:
             A[i, 1 + law["parameter"][r]] += law["local"][ROLE + 2 * r + which] * law["value"][r]
@@ -199,7 +200,7 @@ def _search(laws, h, u, X, coupling, work, mean):  # noqa: PLR0917
 
 @inlined
 def _differences(laws, coupling, flat, work):
-    """Write [I − G F_w, I]; if ``flat`` is True, omit the slopes that cause multiple solutions."""
+    """Write [I − G F_w, I] to ``work``; ``flat`` omits the slopes that cause multiple solutions."""
     L = len(laws)
     for i in range(L):
         for j in range(L):
@@ -216,7 +217,7 @@ def _differences(laws, coupling, flat, work):
 
 @inlined
 def _goes_on(laws):
-    """Store a search step, and return whether its direction agrees with the previous step."""
+    """Store a search step, and return whether its direction agrees with that of the last step."""
     forth = 0.0
     for i in range(len(laws)):
         law = laws[i]
@@ -227,7 +228,7 @@ def _goes_on(laws):
 
 @inlined
 def _newton(laws, coupling, work, mean):
-    """Write the step of Newton's method, and return the step size relative to w̄."""
+    """Store the next step of Newton's method, and return its size relative to w̄."""
     L, size = len(laws), 0.0
     for i in range(L):
         laws[i]["change"] = 0.0

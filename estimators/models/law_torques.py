@@ -5,9 +5,9 @@ Each function writes its results to the array ``local``. The first elements of `
 torque F, the law's own state s⁺ after the step, and the derivatives of F and s⁺ with respect to two
 variables w and s. The variable w is the mean value of the law's driving variable over the step. The
 variable s is the law's own state before the step, or the load for a law that depends on a load.
-Starting at the index `ROLE`, ``local`` contains the derivatives of F and s⁺ with respect to each
-parameter of the law, in pairs. The module `flexaxis.estimators.models.laws` defines the torque laws
-and the roles of their parameters.
+From the index `ROLE` on, ``local`` contains a pair of elements for each parameter of the law: the
+derivatives of F and s⁺ with respect to this parameter. The module `flexaxis.estimators.models.laws`
+defines the torque laws and the roles of their parameters.
 """
 
 import numpy as np
@@ -66,8 +66,9 @@ def _bristle(v, p, h, value, local):
     """
     Integrate the bristle torque p exactly at a constant speed v; F is the mean friction torque.
 
-    Let b = σ₀ h v, a = σ₀ h |v|/g, φ₁ = (1−e^−a)/a and φ₂ = (1−φ₁)/a. The bristle torque after the
-    step is p⁺ = p e^−a + b φ₁. The mean friction torque is F = p φ₁ + b φ₂ + σ₁/σ₀ (p⁺−p)/h.
+    Let h be the step length and g the steady-state bristle torque, and let b = σ₀ h v, a = σ₀ h
+    |v|/g, φ₁ = (1−e^−a)/a and φ₂ = (1−φ₁)/a. The bristle torque after the step is p⁺ = p e^−a + b
+    φ₁. The mean friction torque is F = p φ₁ + b φ₂ + σ₁/σ₀ (p⁺−p)/h.
     """
     stiffness, tau = value[3], value[4] / value[3] / h
     level, level_v, bump, level_s = _sliding(abs(v), value)
@@ -205,7 +206,7 @@ def _load(gear, motor, of_gear, of_motor):
 
 @inlined
 def _spring(x, value, local):
-    """Compute the spring torque F = d + κ d³ − x with the part d of the twist x outside the gap."""
+    """Compute the spring torque F = d + κ d³ − x; d is the part of the twist x outside the gap."""
     kappa, half = value[0], 0.5 * value[1]
     d, side = 0.0, 0.0
     if x > half:

@@ -8,11 +8,11 @@ of states, or the input. The following list contains all kinds of torque law, wi
 their parameters in brackets:
 
 bristle (coulomb, breakaway, stribeck, stiffness, damping, softness)
-    LuGre friction, which approaches Coulomb friction as the bristles become stiff. The bristle
-    torque p at the speed v follows ṗ = σ₀ [v − |v| p/g(v)], and the friction torque is F = p +
-    σ₁/σ₀ ṗ. The steady-state bristle torque is g(v) = [f_c + f_s exp(−(v/v_s)²)] tanh(|v|/v_0). If
-    v_0 is zero, the factor tanh(|v|/v_0) is replaced by one. The LuGre friction law comes from *A
-    new model for control of systems with friction* (Canudas de Wit, Olsson, Åström and Lischinsky,
+    LuGre friction, which approaches Coulomb friction as the bristles become stiff. At the speed v,
+    the bristle torque p obeys ṗ = σ₀ [v − |v| p/g(v)], and the friction torque is F = p + σ₁/σ₀ ṗ.
+    The steady-state bristle torque is g(v) = [f_c + f_s exp(−(v/v_s)²)] tanh(|v|/v_0). If v_0 is
+    zero, the factor tanh(|v|/v_0) is replaced by one. The LuGre friction law comes from *A new
+    model for control of systems with friction* (Canudas de Wit, Olsson, Åström and Lischinsky,
     1995).
 
 static (coulomb, breakaway, alpha, beta)
@@ -24,8 +24,8 @@ spring (cubic, gap)
     d is the part of the twist x outside the gap.
 
 sinusoid (sine, cosine, poles)
-    The torque F = a sin(N φ) + b cos(N φ), which is periodic in the angle. The sinusoidal torque
-    represents cogging, or gravity if the number of waves N is one.
+    The torque F = a sin(N φ) + b cos(N φ), which is periodic in the angle φ. The sinusoidal torque
+    represents cogging, or gravity if the number N of waves per revolution is one.
 
 gear (coulomb, breakaway, stribeck, sharpness, motor, external, motor_slow, external_slow,
 softness; input, stiffness, ratio)
@@ -98,8 +98,8 @@ class Kind(NamedTuple):
         Whether the torque depends on a load, which is the twist of a law ``spring`` in the same
         model.
     nominal : (drive, force, rate), optional
-        Typical magnitudes of the law's variables on the nominal axis
-        (`flexaxis.estimators.offline.structure.Sizes`).
+        Typical magnitudes of the law's variables on the nominal axis, in the order of the
+        attributes of `flexaxis.estimators.offline.structure.Sizes`.
     """
 
     roles: Mapping[str, Role]
@@ -195,7 +195,7 @@ class Law:
     kind : str
         Kind of law, which is one of `KINDS`.
     drive : mapping of str to float
-        Coefficients of the driving variable w, keyed by state name or by ``"input"``.
+        Coefficients that define the driving variable w, keyed by state name or by ``"input"``.
     acts : mapping of str to str
         Formulas that multiply the torque F in the state derivatives, keyed by state name. For
         example, the formula ``"-1/J_m"`` belongs to a torque that brakes the motor.

@@ -2,7 +2,7 @@
 Operations on matrix rows whose lengths are multiples of four.
 
 Each operation processes four numbers at a time, so that the compiler can use vector instructions.
-Indices are unsigned, because the check of signed indices for negative values prevents
+Indices are unsigned, because checking signed indices for negative values would prevent
 vectorisation.
 """
 
@@ -33,7 +33,7 @@ def copy(A, i, B, j):
 
 @_on_rows
 def add(A, i, m, B, j):
-    """Add a multiple of row B_j to row A_i, so that A_i ← A_i + m B_j."""
+    """Add a multiple of row B_j to row A_i: A_i ← A_i + m B_j."""
     i, j = np.uint64(i), np.uint64(j)
     for b in range(ZERO, np.uint64(A.shape[1]), FOUR):
         p, q, r, s = A[i, b], A[i, b + ONE], A[i, b + TWO], A[i, b + THREE]
@@ -44,7 +44,7 @@ def add(A, i, m, B, j):
 
 @_on_rows
 def add_slopes(A, i, m, B, j):
-    """Add m B_j to A_i except for the first element of row A_i, which is not a derivative."""
+    """Add m B_j to row A_i, but not to its first element, which is not a derivative."""
     if m != 0.0:
         value = A[i, 0]
         add(A, i, m, B, j)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 DIMENSIONS = 3  # largest number of dimensions of an array
 Vector = Annotated[NDArray[np.float64], np.dtype(float), 1]
-"""Annotation of a NamedTuple field for `views`, with type and number of array dimensions."""
+"""Annotation of a NamedTuple field for `views`: element type and number of array dimensions."""
 Matrix = Annotated[NDArray[np.float64], np.dtype(float), 2]
 Cube = Annotated[NDArray[np.float64], np.dtype(float), 3]
 Indices = Annotated[NDArray[np.int64], np.dtype(np.int64), 1]
@@ -29,18 +29,18 @@ class Memory:
     Parameters
     ----------
     arrays : mapping of str to array
-        Named arrays of float64, of int64 or of records of these types. If one array is called
-        ``now``, the fields of its records can also be read and written by field name.
+        Named arrays whose elements are float64, int64 or records of these types. If one array is
+        called ``now``, the `Memory` object can also be indexed with the field names of its records.
     times : int, optional
-        Number of copies of the arrays, which are stored as rows of ``block``. If ``times`` is
-        given, each array has an additional first dimension.
+        Number of copies of the arrays; each copy is one row of ``block``. If ``times`` is given,
+        each array has an additional first dimension.
 
     Attributes
     ----------
     block : (size,) or (times, size) array
         Memory block with the content of all arrays.
     at : (fields, 4) int array
-        Start and shape of each array in a block, with shapes padded with ones.
+        Start index and shape of each array in a block; ones pad each shape to three dimensions.
     """
 
     def __init__(self, arrays: Mapping[str, NDArray[Any]], times: int | None = None) -> None:

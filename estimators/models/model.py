@@ -24,8 +24,8 @@ class Model:
     The model ẋ = A x + B u, y = C x, whose matrix entries are formulas in physical parameters.
 
     The attribute `laws` adds nonlinear torques to the derivatives of some states. Some torque laws
-    have their own state, such as the bristle torque. The states of torque laws follow the states of
-    the linear model.
+    have their own state, such as the bristle torque. The states of torque laws come after the
+    states of the linear model.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ class Model:
         Names of the parameters that are identified by default.
     fixed : sequence of str
         Names of the parameters that cannot change, such as a gear ratio. Change detectors do not
-        test fixed parameters.
+        test fixed parameters for changes.
     laws : sequence of Law
         Nonlinear torque laws, as defined in `flexaxis.estimators.models.laws`.
 
@@ -151,9 +151,10 @@ class Model:
         Yield row, column and monomial of each term in the block matrix [A B; C 0].
 
         The first rows and columns of the block matrix belong to the states of the linear model. The
-        rows and columns of the torque law states follow those of the linear model and are empty.
-        The last rows and columns of states belong to the torques of all laws. The matrix column of
-        a torque contains the formulas in the law's attribute ``acts``.
+        rows and columns of the torque law states come after those of the linear model and are
+        empty. The torques of the laws also count as states, and their rows and columns come last
+        among those of the states. The matrix column of a torque contains the formulas in the law's
+        attribute ``acts``.
         """
         more = ["0"] * (sum(LAWS[law.kind].remembers for law in self.laws) + len(self.laws))
         rows = [[*row, *more, b] for row, b in zip(self.A, self.B, strict=True)]
@@ -194,7 +195,7 @@ class Model:
                 raise EstimatorError(
                     f"the model {self.name!r} has no parameter {asked!r} to identify: "
                     + did_you_mean(name, self.parameters)
-                    + "; inverse parameters such as '1/J_a' are allowed, too"
+                    + "; inverse parameters such as '1/J_a' are also allowed"
                 )
             if name != asked and name in of_laws:
                 raise EstimatorError(

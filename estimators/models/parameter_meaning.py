@@ -61,7 +61,7 @@ def structure(model: Model) -> tuple[str, ...]:
     measured, and the true values do not change in use. If the model contains springs or dampers,
     the inertia on which the input acts is included, because the vibration modes determine the
     ratios of all inertias. If the model contains neither springs nor dampers, the inertia is
-    excluded, because the data do not determine the scale of all torques.
+    excluded, because the data do not determine the common scale of all torques.
     """
     n, terms = len(model.states), list(replace(model, laws=()).monomials())
     springs, inertias = [], []

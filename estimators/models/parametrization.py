@@ -27,12 +27,12 @@ Record type of a nonlinear torque law.
 
 The field ``kind`` is the index of the law's kind in `KINDS`. The field ``memory`` is the index of
 the law's own state, or −1 for a law without a state. The field ``load`` is the index of the law
-that acts as load, or −1 for a law without a load. The field ``force`` is the torque in the last
+that acts as the load, or −1 for a law without a load. The field ``force`` is the torque in the last
 step. The fields ``offset``, ``change`` and ``reach`` store intermediate results of the Newton
 search in `reaction`. For each role, the field ``parameter`` is the index i of an identified
 parameter, and the field ``value`` is a factor that multiplies θ_i. If ``parameter`` is −1,
-``value`` is the parameter value itself. The field ``roles`` contains the parameters of the law at
-θ, and ``local`` contains the torque and its derivatives.
+``value`` is the parameter value itself. The field ``roles`` contains the values of the law's
+parameters at θ, and ``local`` contains the torque and its derivatives.
 """
 
 
@@ -49,8 +49,8 @@ def law_records(
     ----------
     laws : sequence of L laws
     states : sequence of str
-        Names of the states of the linear model. The states of the torque laws follow the states of
-        the linear model, in the order of the laws.
+        Names of the states of the linear model. The states of the torque laws come after the states
+        of the linear model, in the order of the laws.
     nominal : mapping of str to float
         Nominal values of the physical parameters.
     identify : sequence of str
@@ -154,7 +154,7 @@ class Parametrization:
 
     def blocks(self, theta: ArrayLike) -> Array:
         """
-        Return [A B; C 0] at θ and its p derivatives as an array (1+p, n+1, n+1).
+        Return the matrix [A B; C 0] at θ and its p derivatives, as an array (1+p, n+1, n+1).
 
         Parameters
         ----------

@@ -1,14 +1,14 @@
 """
 Integration of a model and its derivatives over a sample by equations (17)–(24).
 
-The block matrix N = [A B; 0 0] T/s and the output row C represent a model. The matrices N and C are
-stored as tables of terms c Πθ^e. The powers of N are computed once for each sample. The powers of N
-determine the state transition and the derivative of the state transition with respect to each entry
-of N:
+The block matrix N = [A B; 0 0] T/s and the output row C represent a model, where T/s is the length
+of a substep. The matrices N and C are stored as tables of terms c Πθ^e. The powers of N are
+computed once for each sample. The powers of N determine the state transition and the derivative of
+the state transition with respect to each entry of N:
 
     Φ(θ) = Σ_k N^k/k!                                            transition of [x; u], (20)
 
-    ∂Φ/∂N_rc ξ = Σ_j N^j e_r g_jc,  g_j = Σ_k (N^k ξ)/(j+k+1)!   its derivative by an entry of N
+    ∂Φ/∂N_rc ξ = Σ_j N^j e_r g_jc,  g_j = Σ_k (N^k ξ)/(j+k+1)!   derivative with respect to N_rc
 
     z_i⁺ = Φ z_i + Σ_rc ∂N_rc/∂θ_i (∂Φ/∂N_rc ξ)                  sensitivities, (21)–(23)
 
@@ -40,16 +40,16 @@ SIZES = np.dtype(
 Data type of the dimensions of a model.
 
 The fields ``n`` and ``held`` are the numbers of states with and without nonlinear torques. The
-fields ``order``, ``parts`` and ``steps`` are the series order, the substeps per step and the steps
-per sample. The field ``output`` is the index of the first entry of C, and ``h`` is the step length
-[s].
+fields ``order``, ``parts`` and ``steps`` are the series order, the number of substeps per step and
+the number of steps per sample. The field ``output`` is the index of the first term of C in the
+table of terms, and ``h`` is the step length [s].
 """
 ENTRY = np.dtype(
     [(name, int) for name in ("row", "column", "first", "last")]
     + [("coefficient", float), ("value", float)]
 )
 """
-A term c Πθ^e of [A B; C 0], with row, column, range of slopes, factor c, and value at θ.
+A term c Πθ^e of [A B; C 0], with its row, column, range of slopes, factor c, and value at θ.
 
 The terms are sorted by column, and the terms of C come last.
 """
@@ -63,13 +63,13 @@ EXPONENTIAL = np.append(1.0, INVERSE_FACTORIALS)[:, None]  # 1/k!
 
 class Axis(NamedTuple):
     """
-    A model with all arrays that its integration over a sample needs.
+    A model together with all arrays that are needed to integrate it over a sample.
 
     Attributes
     ----------
     sizes, entries, slopes, reset : record and int arrays
-        Tables of the model. The table ``reset`` contains the states that are set to zero at the
-        start of each sample.
+        Tables of the model. The table ``reset`` contains the indices of the states that are set to
+        zero at the start of each sample.
     Q : ((order+2)(n+1), w) array
         Columns of the matrix powers N⁰, N¹, … and of Φ.
     laws : (L,) records
@@ -180,7 +180,7 @@ def evaluate(entries, slopes, theta):
 
 @fused
 def powers(entries, output, order, Q):
-    """Write the columns of all powers N^k and of Φ = Σ N^k/k!, as in equation (20), to Q."""
+    """Write to Q the columns of all powers N^k and of Φ = Σ N^k/k!, as in equation (20)."""
     columns = len(Q) // (order + 2)
     for last in range(0, order * columns, columns):  # Q contains N⁰ from the start
         now = last + columns
@@ -260,7 +260,7 @@ LAWS = 1
 """
 Value of the loop argument ``laws`` for a model with nonlinear torques.
 
-For a linear model, ``laws`` is None, so that the compiled loop has no code for nonlinear torques.
+For a linear model, ``laws`` is None, so the compiled loop contains no code for nonlinear torques.
 """
 
 

@@ -1,4 +1,4 @@
-"""Simulation of a model and its sensitivities at fixed parameters, with the code of the filters."""
+"""Simulation of a model and its sensitivities at fixed parameters, by the code of the filters."""
 
 from typing import NamedTuple
 
@@ -18,7 +18,7 @@ LEAST = 1e-300  # value that replaces a zero parameter of the linear model
 
 
 class Simulation(NamedTuple):
-    """The model, the parameters θ (p,), and the states, output and derivatives X (n+1, lanes)."""
+    """The model, the parameters θ (p,), and X (n+1, lanes) with states, output and derivatives."""
 
     axis: Axis
     theta: Vector
@@ -34,7 +34,7 @@ def simulation(
     further: int = 0,
 ) -> Memory:
     """
-    Return the memory for a simulation of a model and its derivatives from rest.
+    Return the memory to simulate a model and its derivatives, starting from rest.
 
     Parameters
     ----------
