@@ -1,11 +1,11 @@
 """
-Simulation of an axis with Coulomb friction and with exact times of friction reversals.
+Simulation of an axis with Coulomb friction, in which the times of friction reversals are exact.
 
 Between two friction reversals, an axis with Coulomb friction is linear. While the axis slides,
 friction is a constant torque. While the axis sticks, the speed is zero. The simulation halves a
-step with a reversal until the reversal time is known to 2⁻⁴⁰ of a sampling period. Estimates
-therefore do not depend on a step size, and the sum of squared residuals is a smooth function of the
-parameters.
+step that contains a reversal until the reversal time is known to 2⁻⁴⁰ of a sampling period.
+Estimates therefore do not depend on a step size, and the sum of squared residuals is a smooth
+function of the parameters.
 """
 
 from typing import NamedTuple
@@ -57,11 +57,11 @@ class Sampled(NamedTuple):
 
 def is_dry(model: Parametrization, period: float) -> bool:
     """
-    Return whether Coulomb friction at one speed is the only nonlinear torque of an axis.
+    Return whether the only nonlinear torque of an axis is Coulomb friction on one speed state.
 
     The model represents Coulomb friction as a bristle law with a Coulomb friction torque, a
-    stiffness and no other parameters. The natural frequency (σ₀/J)^½ [rad/s] of the bristles is too
-    high to be visible at the sampling period [s].
+    stiffness and no other parameters. The natural frequency (σ₀/J)^½ [rad/s] of the bristles must
+    be so high that the vibration is not visible at the sampling period [s].
     """
     if model.laws["kind"].tolist() != [BRISTLE]:
         return False
@@ -73,7 +73,7 @@ def is_dry(model: Parametrization, period: float) -> bool:
 
 
 def sampled(model: Parametrization, theta: Array, period: float) -> Sampled:
-    """Return the sampled axis for parameters θ (p,); it must be linear or satisfy `is_dry`."""
+    """Return the sampled axis for parameters θ (p,); the axis must be linear or pass `is_dry`."""
     generator, level, speed = model.blocks(theta)[0] * period, 0.0, 0
     output, generator[-1] = generator[-1] / period, 0.0
     stuck = generator.copy()
@@ -142,7 +142,7 @@ def follow(axis, x, torque):
 
 @inlined
 def _way(axis, x, hold):
-    """Return the sliding direction of an axis at rest, or 0 if the axis sticks; update friction."""
+    """Return the sliding direction of an axis at rest, or 0 if it sticks; update the friction."""
     x[-2] = 0.0
     pull = _times(axis.pull, x)
     way = np.sign(pull) if abs(pull) > hold else 0.0

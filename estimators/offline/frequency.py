@@ -24,8 +24,9 @@ def fit_arx(u: ArrayLike, y: ArrayLike, *, order: int) -> tuple[Array, Array]:
     Fit an ARX model of order n by least squares, and return its coefficients.
 
     The function returns two vectors (n+1,) with the elements 1, a₁, …, a_n and 0, b₁, …, b_n. White
-    noise in y is coloured noise in an ARX model, which biases a model of low order. A model whose
-    order is much higher than the order of the axis can represent the colour of the noise.
+    noise in y acts as coloured noise in an ARX model, and this noise biases a model of low order. A
+    model whose order is much higher than the order of the axis can represent the colour of the
+    noise.
 
     Parameters
     ----------

@@ -44,7 +44,7 @@ class Identified:
         Correlation of successive residuals, which is near zero if the residuals are white noise.
     condition : float
         Condition number of the fit. The condition number is the largest effect that a relative
-        parameter change of a given size has on the output, divided by the smallest effect. A
+        parameter change of a given size has on the output, divided by the smallest such effect. A
         condition number of 1e10 or more indicates a singular problem.
     warnings : tuple of str
         Reasons to doubt the estimates, in words. The tuple is empty if there is no reason to doubt
@@ -150,8 +150,8 @@ def _result(names: tuple[str, ...], scale: Array, search: OptimizeResult) -> Ide
         share = changes[-1] / changes[-1][np.argmax(abs(changes[-1]))]
         parts = [f"{n} {x:+.1f} %" for n, x in zip(names, share, strict=True) if abs(x) > 0.1]
         problems.append(
-            f"a combined change of {', '.join(parts)} hardly affects the output; fix one of the "
-            "combined parameters"
+            f"a combined change of {', '.join(parts)} hardly affects the output; fix one of these "
+            "parameters"
         )
     return Identified(
         names=names,

@@ -76,7 +76,7 @@ class Fitted:
 
     @cached_property
     def gradient(self) -> Array:
-        """Whitened derivatives (q, N), with zeros for initial states without a lasting effect."""
+        """Whitened ŷ derivatives (q, N), with zeros for initial states without a lasting effect."""
         J = lfilter(self.inverse, 1.0, self.slopes, axis=1) * self.good
         size, seen = (np.linalg.norm(rows, axis=1) for rows in (self.slopes, J))
         states = slice(self.problem.trajectory.first, -2)
@@ -133,7 +133,7 @@ class Fitted:
         return float(np.sqrt(max(gain, 0.0) * self.good.sum() / self.square))
 
     def gained(self, before: "Fitted") -> float:
-        """Return the square root of the decrease of −2 log-likelihood since an earlier fit."""
+        """Return the square root of the decrease in −2 log-likelihood since an earlier fit."""
         return float(np.sqrt(max(before.square / self.square - 1, 0.0) * self.good.sum()))
 
 
@@ -153,7 +153,7 @@ class Problem:
     lower, upper : (q,) arrays
         Lower and upper bounds of z.
     held : (q,) array of bool
-        For each unknown in z, whether the unknown is held constant, such as a known delay.
+        For each unknown in z, whether the fit holds it constant, as it does for a known delay.
     """
 
     trajectory: Trajectory
@@ -164,7 +164,7 @@ class Problem:
     held: Flags
 
     def noise(self, residual: Array) -> Array:
-        """Return the coefficients of a filter that whitens the given residual (n+1,)."""
+        """Return the coefficients (n+1,) of a filter that whitens the given residual."""
         highest = HIGHEST_ORDER
         # the memory of the filter must not contain a gap for at least half of the samples
         while highest and np.mean(settled(self.ok, highest + 1)[self.ok]) < 0.5:
@@ -172,7 +172,7 @@ class Problem:
         return noise_model(residual, highest, self.ok)
 
     def at(self, z: Array, inverse: Array) -> Fitted:
-        """Return the fit at the unknowns z; a failed simulation has an infinite mean square."""
+        """Return the fit at the unknowns z; a failed simulation yields an infinite mean square."""
         z = np.clip(z, self.lower, self.upper)
         if self.trajectory.fastest(z[: self.trajectory.p]) > FASTEST:
             N = len(self.y)
@@ -189,8 +189,8 @@ class Problem:
 
         The method also returns a flag, which is True if the search has converged. The search has
         converged if the distance to the minimum is at most ``near`` standard deviations. The search
-        has also converged if the square root of the decrease of −2 log-likelihood in a step is at
-        most ``near``.
+        has also converged if a step decreases −2 log-likelihood by an amount whose square root is
+        at most ``near``.
         """
         for _ in range(most):
             if not np.isfinite(at.square):
@@ -212,7 +212,7 @@ class Problem:
         self, z: Array, *, rounds: int = 0, most: int = EVALUATIONS, near: float = CONVERGED
     ) -> Fitted:
         """
-        Fit the unknowns for white noise, then alternately fit the noise model and the unknowns.
+        Fit the unknowns for white noise first, then alternately the noise model and the unknowns.
 
         Parameters
         ----------
@@ -239,7 +239,7 @@ class Problem:
 
 
 def settled(ok: Flags, length: int) -> Flags:
-    """Return for each sample whether all of the last ``length`` samples are usable (N,)."""
+    """Return a mask (N,) of the samples at which all of the last ``length`` samples are usable."""
     return np.convolve(~ok, np.ones(length))[: len(ok)] < 0.5
 
 
@@ -247,9 +247,9 @@ def noise_model(residual: Array, highest: int, ok: Flags) -> Array:
     """
     Return the coefficients 1, a₁, …, a_n (n+1,) of an autoregressive model of the best order.
 
-    The best order minimises the Bayesian information criterion N log σ² + n log N. Samples that are
-    not ``ok`` are replaced by zero and contribute nothing to the correlations. The samples before
-    and after a gap are therefore not treated as neighbours.
+    The best order minimises the Bayesian information criterion N log σ² + n log N. Samples where
+    ``ok`` is False are replaced by zero and contribute nothing to the correlations. The samples
+    before and after a gap are therefore not treated as neighbours.
     """
     N = int(ok.sum())
     e = np.where(ok, residual - residual[ok].mean(), 0.0)
@@ -271,9 +271,9 @@ def inverse_of(H: Array, damping: float = 0.0) -> Array:
 
 def pieces(ok: Flags, key: Array | None = None) -> NDArray[np.int64]:
     """
-    Return the segment number (N,) of each sample; segments have the same number of usable samples.
+    Return each sample's segment number (N,); all segments contain equally many usable samples.
 
-    The segments are intervals of time, or intervals of a signal ``key`` (N,) such as the speed.
+    The segments are intervals of time, or ranges of a signal ``key`` (N,), such as the speed.
     """
     order = np.arange(len(ok)) if key is None else np.argsort(key, kind="stable")
     count = np.empty(len(ok), int)
@@ -287,8 +287,8 @@ def jackknife(J: Array, e: Array, good: Flags, key: Array | None = None) -> Arra
 
     The regression represents the residuals e (N,) as a linear combination of the rows of J (q, N).
     The function `pieces` divides the record into segments, and the jackknife omits each segment
-    once. One Gauss–Newton step from the estimate for the full record yields the estimate without a
-    segment. For white noise, the jackknife standard deviations agree with the covariance. Model
+    once. One Gauss–Newton step from the estimate for the full record yields the estimate without
+    one segment. For white noise, the jackknife standard deviations agree with the covariance. Model
     errors increase the jackknife standard deviations. The method is described in *The jackknife
     estimate of variance* (Efron and Stein, 1981).
     """

@@ -3,11 +3,11 @@ Initial covariance P(0), drift covariance Δ, and the resulting tracking speed a
 
 The functions in `priors` compute P(0) and Δ by the recipe of Östring and Gunnarsson. The module
 also contains stored values of P(0) and Δ for the nominal axis. Near the true parameters, the
-estimation error follows θ̃ ← (I − P Q) θ̃ + P ψ e on average, where Q = E ψψᵀ and e is white noise
-of variance σ². In steady state, P fulfils equation (29) or (30), so P, the tracking speed and the
-noise of the estimates depend only on Q. The theory comes from *Adaptation and tracking in system
-identification – a survey* (Ljung and Gunnarsson, 1990). The theory applies to slow adaptation, with
-time constants that are much longer than the time constants of the axis.
+estimation error evolves on average as θ̃ ← (I − P Q) θ̃ + P ψ e, where Q = E ψψᵀ and e is white
+noise of variance σ². In steady state, P fulfils equation (29) or (30), so P, the tracking speed and
+the noise of the estimates depend only on Q. The theory comes from *Adaptation and tracking in
+system identification – a survey* (Ljung and Gunnarsson, 1990). The theory applies to slow
+adaptation, with time constants that are much longer than the time constants of the axis.
 """
 
 import pickle
@@ -60,7 +60,7 @@ def nominal_P(
     ----------
     model : Model
     u : (N,) array_like
-        Motor torque of a nominal motion that lasts some tens of seconds.
+        Motor torque of a nominal motion that lasts a few tens of seconds.
     identify, period, **options : Any
         Options of `flexaxis.estimators.Rpem`, such as ``forgetting``, ``drift``, ``regularization``
         and ``output``.
@@ -87,7 +87,7 @@ def nominal_P(
 
 
 def _gradient_along(model: Parametrization, theta: Array, u: ArrayLike, period: float) -> Array:
-    """Return the gradient ψ (N, p) for a torque u (N,), with a cache for recent arguments."""
+    """Return the gradient ψ (N, p) for a torque u (N,); recent results are cached."""
     return _remembered(pickle.dumps((model, theta, as_torque(u), period)))
 
 
@@ -104,7 +104,7 @@ def _remembered(content: bytes) -> Array:
 
 @compiled
 def _mean_diagonal(psi, P, forgetting, drift, regularization):
-    """Update P by N gradients ψ (N, p), and return the mean diagonal of the last N/2 matrices P."""
+    """Update P with N gradients ψ (N, p); return the mean diagonal of the last N/2 matrices P."""
     N, p = psi.shape
     gain, total = np.empty(p), np.zeros(p)
     for k in range(N):
@@ -128,8 +128,8 @@ def default_drift(
     Return the default diagonal of the drift covariance Δ.
 
     If ``torque`` is given, Δ_ii = (T/τ_i)²/Q_ii, where Q_ii is the mean of ψ_i² for this torque.
-    The estimate of θ_i then follows parameter changes with the time constant τ_i, regardless of the
-    units. If the poles of the model are similar to the poles of the nominal axis, τ_i are the time
+    The estimate of θ_i then tracks parameter changes with the time constant τ_i, regardless of the
+    units. If the poles of the model are similar to those of the nominal axis, the τ_i are the time
     constants that equation (32) implies for the nominal axis. For any other model, all τ_i equal
     the geometric mean of the time constants for the nominal axis. If no torque is given, Δ_ii comes
     from equation (32) for the nominal axis, and is proportional to θ_i² for any other axis. With or
@@ -183,8 +183,8 @@ def stored_P(
     Returns
     -------
     (p,) array or None
-        Diagonal of P(0), or None if the axis, the units, the period or the parameters differ from
-        the nominal axis.
+        Diagonal of P(0), or None if the model, the units, the period or the parameters differ from
+        those of the nominal axis.
     """
     if period != PERIOD or not is_nominal_axis(model, identify):
         return None
@@ -195,8 +195,8 @@ def known_P(names: Sequence[str], *, forgetting: float | None, scale: float = 1.
     """
     Return the stored P(0) for the parameters k_T, 1/J_a and f_m, or None for other parameters.
 
-    The stored values are valid only for the nominal axis in its units and with its sampling period,
-    which `stored_P` checks.
+    The stored values are valid only for the nominal axis, its units and its sampling period;
+    `stored_P` checks these conditions.
 
     Parameters
     ----------
@@ -225,7 +225,7 @@ def steady_P(
     Q: ArrayLike, *, forgetting: float | None = None, drift: ArrayLike | None = None
 ) -> Array:
     """
-    Return the steady state of P (p, p) for a forgetting factor or a drift covariance.
+    Return the steady-state matrix P (p, p) for a forgetting factor or a drift covariance.
 
     Parameters
     ----------
@@ -263,10 +263,11 @@ def drift_for(
     Return the matrix Δ (p, p) that gives each estimate the desired time constant.
 
     By default, Δ is diagonal with Δ_ii = 1/(τ_i² Q_ii), where τ_i is the time constant in samples.
-    The diagonal Δ is exact if the parameter gradients are uncorrelated, because then P_ii Q_ii =
-    1/τ_i. If the parameter gradients are correlated, the estimates slow each other down. The option
-    ``coupled`` accounts for correlated gradients with Δ = D Q⁻¹ D, where D = diag(1/τ_i). The
-    coupled Δ is exact for equal time constants.
+    The diagonal Δ gives exactly the desired time constants if the parameter gradients are
+    uncorrelated, because then P_ii Q_ii = 1/τ_i. If the parameter gradients are correlated, the
+    estimates slow each other down. The option ``coupled`` accounts for correlated gradients with Δ
+    = D Q⁻¹ D, where D = diag(1/τ_i). The coupled Δ gives exactly the desired time constants if they
+    are all equal.
 
     Parameters
     ----------
@@ -302,7 +303,7 @@ def tracking_error(P: ArrayLike, Q: ArrayLike, times: ArrayLike, *, period: floa
     Parameters
     ----------
     P, Q : (p, p) array_like
-        Steady-state matrix P, and the matrix E ψψᵀ.
+        Steady-state matrix P, and the matrix Q = E ψψᵀ.
     times : (M,) array_like
         Times t after a parameter change [s].
     period : float

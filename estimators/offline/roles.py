@@ -53,7 +53,7 @@ def is_left(model: Model, name: str, identify: Sequence[str]) -> bool:
 
 
 def learnt_of(model: Model, tracked: Sequence[str], learn: Sequence[str] | str) -> tuple[str, ...]:
-    """Return the parameters to learn once; omit zero linear parameters if ``learn`` is "auto"."""
+    """Return the parameters to learn once; "auto" omits linear-model parameters that are 0."""
     names = structure_names(model, tracked)
     if learn == "auto":
         return tuple(n for n in names if n in model.law_parameters or model.nominal[n])
@@ -63,7 +63,7 @@ def learnt_of(model: Model, tracked: Sequence[str], learn: Sequence[str] | str) 
 
 
 def without(model: Model, absent: Sequence[str]) -> Model:
-    """Set all ``absent`` parameters of a `real_axis` to zero; any other model does not change."""
+    """Set all ``absent`` parameters of a `real_axis` to zero; return any other model unchanged."""
     left_out = dict.fromkeys((n for n in absent if model.name == "real_axis"), 0.0)
     return replace(model, nominal=dict(model.nominal) | left_out)
 
@@ -88,10 +88,11 @@ def refuse_zero(thought: Prior) -> None:
 
 
 def known_better(model: Model, thought: Prior, deviations: Mapping[str, float]) -> Prior:
-    """Return the prior after replacing some standard deviations by those in ``deviations``."""
+    """Return the prior with some parameters' standard deviations taken from ``deviations``."""
     if not isinstance(deviations, Mapping):
         raise EstimatorError(
-            f"deviations is {deviations!r}; give a mapping from name to standard deviation"
+            f"deviations is {deviations!r}; give a mapping from parameter names to standard "
+            "deviations"
         )
     known = [name.removeprefix("1/") for name in thought.names]
     for name in deviations:

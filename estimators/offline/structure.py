@@ -1,11 +1,11 @@
 """
-Prior distributions of unknown parameters, with initial value, standard deviation and bounds.
+Prior distributions of unknown parameters, with initial values, standard deviations and bounds.
 
 The dry friction, the backlash and the cogging of an axis are usually unknown, but the motion of the
-axis indicates their magnitudes. Friction and cogging torques are fractions of the rms motor torque.
-The speeds at which friction changes are fractions of the rms speed, and the backlash of a gear is a
-fraction of the rms twist. A simulation with the linear model computes the rms values from a
-recorded torque, so the priors apply to any axis and any units.
+axis indicates their magnitudes. The priors express friction and cogging torques as fractions of the
+rms motor torque. The priors express the speeds at which friction changes as fractions of the rms
+speed, and the backlash of a gear as a fraction of the rms twist. A simulation with the linear model
+computes the rms values from a recorded torque, so the priors apply to any axis and any units.
 """
 
 from collections.abc import Mapping, Sequence
@@ -46,9 +46,8 @@ class Sizes:
     force : float
         Torque of the law that would accelerate the axis as much as the rms motor torque does.
     rate : float
-        Rms value of the derivative of the driving variable, divided by the rms value of the driving
-        variable. The attribute ``rate`` is at least the rate of the fastest mode of the model
-        [1/s].
+        Rms value of the driving variable's derivative, divided by the rms value of the variable
+        itself. The attribute ``rate`` is at least the rate of the fastest mode of the model [1/s].
     """
 
     drive: float
@@ -134,8 +133,9 @@ def state_sizes(model: Model, torque: ArrayLike | None, period: float) -> Array:
     """
     Return the standard deviation (n,) of each state of a model that a given torque drives.
 
-    The value for an angle is zero, because angles are measured relative to the initial position. If
-    the torque is None, the function returns the stored values of the nominal axis.
+    The standard deviation of an angle is set to zero, because angles are measured relative to the
+    initial position. If the torque is None, the function returns the stored values of the nominal
+    axis.
     """
     if torque is None:
         return np.array([NOMINAL_STATES.get(state, 0.0) for state in model.states])
@@ -149,8 +149,8 @@ def _force(model: Model, acts: Array) -> float:
 
     The function compares the effects on a state on which both the law and the input act. If the law
     and the input act on no common state, as for load friction, the function compares the effects on
-    the output. The comparison of the effects on the output uses the frequency of the slowest pole,
-    where the axis is almost rigid.
+    the output. The effects on the output are compared at the frequency of the slowest pole, where
+    the axis is almost rigid.
 
     Parameters
     ----------
@@ -168,7 +168,7 @@ def _force(model: Model, acts: Array) -> float:
 
 
 def _acts(model: Model) -> Array:
-    """Return the factors that multiply the laws' torques in the state derivatives (n, L)."""
+    """Return the factors (n, L) that multiply the laws' torques in the state derivatives."""
     one = model.parametrize(model.parameters[:1])
     block, torques = one.blocks(one.theta)[0], slice(one.states, one.n)
     return np.asarray(block[: len(model.states), torques])
@@ -184,7 +184,8 @@ def _stored(model: Model, law: Law) -> Sizes:
     if not known or law.kind not in NOMINAL:
         raise EstimatorError(
             "the expected magnitudes of friction, backlash and cogging are known only for the "
-            "nominal axis; for any other axis, give the torque of some tens of seconds of motion"
+            "nominal axis; for any other axis, give the torque of a motion that lasts tens of "
+            "seconds"
         )
     return NOMINAL[law.kind]
 
@@ -203,9 +204,9 @@ class Prior:
     lower, upper : (p,) arrays
         Lower and upper bounds of θ.
     scale : (p,) array
-        Scales that make the parameters θ dimensionless. The scale of a torque law parameter is the
-        prior standard deviation of an unknown value, because the parameter can be zero. The scale
-        of any other parameter is θ(0).
+        Scales that make the parameters θ dimensionless. A torque law parameter is scaled by the
+        prior standard deviation of an unknown value rather than by θ(0), which can be zero. The
+        scale of any other parameter is θ(0).
     """
 
     names: tuple[str, ...]
@@ -316,11 +317,11 @@ def prior(
     names : sequence of str
         Names of model parameters or inverse parameters.
     torque, period : array_like, float
-        Options as in `with_laws`.
+        The same options as in `with_laws`.
     told : sequence of str
         Names of torque law parameters with known values. The standard deviation of a known value is
-        `TOLD` times the value, unless the prior of an unknown value has a smaller standard
-        deviation.
+        `TOLD` times the value, but at most the standard deviation that the parameter has if its
+        value is unknown.
     spread : float
         Prior standard deviation of the tracked parameters of the linear model, relative to θ(0).
     """
@@ -355,7 +356,7 @@ def _of_law(guess: Array, start: float, told: bool) -> tuple[float, ...]:
 
 
 def _guess(role: str, law: Law, sizes: Sizes) -> Array:
-    """Return initial value, standard deviation and both bounds of a law parameter in SI units."""
+    """Return the initial value, standard deviation and bounds of a law parameter in SI units."""
     known = law.roles[role]
     if not known.size:  # a data-sheet value, such as a number of poles
         raise EstimatorError(

@@ -1,4 +1,4 @@
-"""The simulated output of a model for a record, with derivatives for all unknowns."""
+"""The simulated output of a model for a record, with derivatives with respect to all unknowns."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -79,8 +79,8 @@ class Trajectory:
         output is 0 up to the start of the first segment. At the first sample of any later segment,
         the output still depends on the states of the previous segment.
     beside : (m, N) array
-        Additional torques, such as the sine of a measured angle. An unknown gain multiplies each
-        additional torque.
+        Additional torques, such as the sine of a measured angle. Each additional torque is
+        multiplied by its own unknown gain.
     """
 
     model: Parametrization
@@ -97,7 +97,7 @@ class Trajectory:
 
     @property
     def first(self) -> int:
-        """Index in z of the first initial state, which follows the parameters and gains."""
+        """Index in z of the first initial state, which comes after the parameters and gains."""
         return self.p + len(self.beside)
 
     @property
@@ -135,8 +135,8 @@ class Trajectory:
         z : (q,) array
             Values of the unknowns.
         held : (q,) array of bool, optional
-            For each unknown, whether the unknown is held constant, so that its derivatives are 0.
-            By default, no unknown is held constant.
+            For each unknown, whether it is held constant, in which case its derivatives are 0. By
+            default, no unknown is held constant.
         """
         free = np.ones(self.q, bool) if held is None else ~held
         (y, slopes), size, offset = self._simulated(z), self._steps(z), self.q - 2
