@@ -73,8 +73,8 @@ class Setting:
         """Return the logarithm of a pooled score, or NaN if the score is undefined in any run.
 
         For the excess error, the method returns the logarithm of the square root of the pooled
-        excess error. `score`, the lag on a logarithmic scale, is already logarithmic, so the method
-        returns its mean.
+        excess error. The score named `score` is already the lag on a logarithmic scale, so the
+        method returns its mean.
         """
         each = self.array(name, runs)
         if name == "score" or np.isnan(each).any():
@@ -89,7 +89,7 @@ class Setting:
         return float(np.log(np.maximum(each, FLOOR)).mean())
 
     def at(self, name: str) -> Array | None:
-        """Return jackknife pseudo-values of a log score (n,), or None if a run lacks the score."""
+        """Return jackknife pseudo-values (n,) of a log score, or None if a run lacks the score."""
         if np.isnan(self.array(name)).any():
             return None
         return pseudo_values(lambda runs: self.log(name, runs), len(self.rows))
@@ -109,7 +109,7 @@ class Match:
         The two settings with noise just below and just above the reference noise, or the single
         setting whose noise is closest to the reference noise.
     reference : Setting
-        Setting of the reference.
+        Setting of the reference estimator.
     kind : {"std", "excess"}
         Measure of the noise.
     """
@@ -120,7 +120,7 @@ class Match:
     kind: Noise
 
     def apart(self, side: Setting, runs: Any = slice(None)) -> float:
-        """Return the logarithm of the ratio of the noise at a setting to the reference noise."""
+        """Return the log-ratio of the noise at a setting to the reference noise."""
         return side.log(self.kind, runs) - self.reference.log(self.kind, runs)
 
     @property
@@ -130,7 +130,7 @@ class Match:
 
     @property
     def ratio(self) -> float:
-        """Estimator noise divided by the reference noise, which is 1 if the noise is matched."""
+        """Estimator noise divided by the reference noise; 1 if the noise is matched."""
         return 1.0 if self.how == MATCHED else float(np.exp(self.apart(self.nearest)))
 
     def at(self, name: str) -> Array | None:
@@ -138,8 +138,8 @@ class Match:
 
         The mean of the pseudo-values estimates the log score. Pseudo-values of two estimators for
         the same seed form a pair. The interpolation point between the two settings depends on the
-        noise in the runs. Therefore the jackknife includes the uncertainty of the interpolation
-        point. The method returns None if the score is undefined in any run.
+        noise in the runs. The jackknife recomputes this point, and therefore includes its
+        uncertainty. The method returns None if the score is undefined in any run.
         """
 
         def statistic(runs: Any) -> float:
@@ -161,7 +161,7 @@ def match(reference: Setting, settings: Sequence[Setting], noise: Noise) -> Matc
     Parameters
     ----------
     reference : Setting
-        Setting of the reference.
+        Setting of the reference estimator.
     settings : sequence of Setting
         Settings of one estimator.
     noise : {"std", "excess"}

@@ -27,11 +27,10 @@ def leaders(values: Mapping[str, Scores], *, most: bool = False) -> list[str]:
     """Return the best estimator and all estimators that are not significantly worse.
 
     The function compares pairs of estimators on their common seeds. For each estimator, the
-    function counts the other estimators that are better on average. The best estimator has the
-    smallest number of better estimators. The function uses the same seeds to select the best
-    estimator and to test all other estimators. Therefore the significance level is corrected for
-    all k(k−1)/2 pairs of k estimators, with Bonferroni's method for the selection and Holm's method
-    for the tests.
+    function counts the other estimators that are better on average. The best estimator is the one
+    with the smallest count. The function uses the same seeds to select the best estimator and to
+    test all other estimators. Therefore the significance level is corrected for all k(k−1)/2 pairs
+    of k estimators, with Bonferroni's method for the selection and Holm's method for the tests.
 
     Parameters
     ----------
@@ -76,8 +75,8 @@ def mark(rows: Iterable[Row]) -> list[dict[str, Any]]:
     The rows come from a sweep over tuning parameters, or from runs of each estimator at a single
     setting. Rows from a single setting do not contain the key `how`. Baselines are not ranked. An
     estimator is not ranked if it is noisier than the reference at every setting. An estimator that
-    is less noisy than the reference at every setting is ranked only if it has a shorter lag than
-    all estimators at equal noise.
+    is less noisy than the reference at every setting is ranked only if its lag is shorter than the
+    lag of every estimator with matched noise.
     """
     rows = list(rows)
     ahead = {
@@ -99,7 +98,7 @@ def compete(rows: Sequence[Row], score: str = "lag") -> list[Row]:
         Rows with the keys ``estimator``, ``how`` and ``values``, and with the name of the score as
         a further key. The entry ``values`` contains the values of each score, one per seed.
     score : {"lag", "score"}
-        Score for the ranking. A shorter lag or a higher score is better.
+        Score by which estimators are ranked. A shorter lag or a higher score is better.
     """
     sign = 1 if score == "lag" else -1
     able = [r for r in rows if r["estimator"] not in CONTROLS and r["values"].get(score)]
@@ -124,8 +123,8 @@ def overall(rows: Sequence[Row]) -> list[dict[str, Any]]:
         missing score counts as 0. If the estimator is less noisy than the reference at all settings
         for some faults, ``how`` is "quieter" and the mean score is a lower limit. If the estimator
         is noisier than the reference at all settings for some faults, ``how`` is "noisier" and the
-        mean score is an upper limit. ``how`` is "mixed" if the estimator is less noisy for some
-        faults and noisier for other faults.
+        mean score is an upper limit. ``how`` is "mixed" if the estimator is less noisy than the
+        reference for some faults and noisier for others.
     """
     faults = list(by_fault(row for row in rows if row["bound"]))
     seeds = max((len(row["values"].get("score") or ()) for row in rows), default=0)

@@ -3,9 +3,9 @@
 A single setting of each estimator is not enough for a ranking, because an estimator that forgets
 faster reacts faster but is noisier. Therefore each estimator runs at several settings, and the
 module `matching` interpolates the lag to the noise level of a reference estimator. For a single
-fault, the noise level is the standard deviation of the changing parameter before the fault. For all
-faults together, the noise level is the excess prediction error, which has no unit. The code calls a
-tuning parameter a knob.
+fault, the noise level is the standard deviation of the changing parameter's estimate before the
+fault. For all faults together, the noise level is the excess prediction error, which has no unit.
+The code calls a tuning parameter a knob.
 """
 
 import inspect
@@ -118,7 +118,7 @@ def reference() -> str:
 
 @dataclass(frozen=True)
 class Runs:
-    """Cache of score tables for fixed seeds, which runs each setting only once per scenario."""
+    """Cache of score tables for fixed seeds; each setting runs only once per scenario."""
 
     run: Run
     seeds: Sequence[int]
@@ -152,8 +152,8 @@ class Runs:
         """Match an estimator's noise to the noise of `base`, for each parameter and noise measure.
 
         If the noise of `base` is outside the noise range of all settings in `line`, the method adds
-        settings to `line` that are further from the default. If `whole` is true, the method ignores
-        each seed for which a run at any setting diverged.
+        settings further from the default to `line`. If `whole` is true, the method ignores every
+        seed with a diverged run at any setting.
         """
         matches: dict[tuple[str, Noise], Match | None] = dict.fromkeys(pairs)
         for factor in (1.0, *further):
@@ -210,8 +210,8 @@ def sweep(
     """Run each estimator at several settings, and match its noise to the reference noise.
 
     If the reference noise is outside the noise range of all settings, the sweep tries more
-    settings. The additional settings differ from the default by a factor of up to 1024, within the
-    range of the tuning parameter.
+    settings. The additional settings differ from the default by a factor of up to 1024, but stay
+    within the range of the tuning parameter.
 
     Parameters
     ----------
@@ -258,7 +258,7 @@ def sweep(
 def able(
     scenarios: Sequence[Scenario], estimators: Sequence[str], seeds: Sequence[int], run: Run
 ) -> list[str]:
-    """Return the estimators that run on all scenarios without failures at all initial settings."""
+    """Return the estimators that run without failure on all scenarios, at all initial settings."""
     lines = settings(estimators)
     frame = run(scenarios, texts(lines), seeds)
     failed = {*frame.loc[frame["error"].notna(), "estimator"]}

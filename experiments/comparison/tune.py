@@ -60,7 +60,7 @@ class Tuned:
     ratio: float
 
     def turned(self, factor: float) -> str | None:
-        """Return the estimator with its setting scaled by `factor`, or None if out of range."""
+        """Return the estimator with its setting scaled by `factor`; None if it is out of range."""
         name, options, knob = parts(self.setting)
         at = knob.at(knob.position(self.value) * factor)
         return None if at is None else with_options(name, options | at)
@@ -79,9 +79,9 @@ def parts(text: str) -> tuple[str, dict[str, Any], Knob]:
     knob = knob_of(name)
     if knob is None:
         raise FlexaxisError(
-            f"{text} has no tuning parameter, so its noise cannot be matched. To declare a "
-            'tuning parameter in your own class, add a line such as knob = "1-lam" for the option '
-            "lam. A program has no options"
+            f"{text} has no tuning parameter, so its noise cannot be matched. A class declares a "
+            'tuning parameter with a line such as knob = "1-lam" for the option lam. A program '
+            "(pipe:) cannot have a tuning parameter, because it has no options"
         )
     return name, {key: value for key, value in options.items() if key != knob.name}, knob
 
@@ -100,7 +100,7 @@ class Trials:
     seeds : sequence of int
         Seeds for tuning.
     run : callable
-        Function ``run(scenarios, estimators, seeds)`` that returns score rows of all runs.
+        Function ``run(scenarios, estimators, seeds)`` that returns the score rows of all runs.
     match : str
         Noise measure: "excess" for the excess error, or the name of a parameter whose standard
         deviation is matched.
@@ -139,14 +139,14 @@ def match_noise(text: str, trials: Trials) -> Tuned:
 
     The search applies the secant method to the logarithms of the setting and of the noise. If a
     secant step leaves the interval that contains the solution, the search uses bisection. The
-    search assumes that an estimator with a faster setting is noisier. The search tries at most
+    search assumes that a faster setting makes the estimator noisier. The search tries at most
     `ROUNDS` settings within the range of the tuning parameter.
 
     Parameters
     ----------
     text : str
         Estimator with a tuning parameter, in the format of the option `--estimator`. The search
-        does not change other options of the estimator.
+        does not change the other options of the estimator.
     trials : Trials
         Simulated runs that measure the noise at a setting.
 
@@ -215,7 +215,7 @@ def equally_noisy(
     scenarios : sequence of Scenario
         Scenarios in which the noise is measured before the first fault.
     run : callable
-        Function ``run(scenarios, estimators, seeds)`` that returns score rows of all runs.
+        Function ``run(scenarios, estimators, seeds)`` that returns the score rows of all runs.
     seeds : sequence of int
         Seeds for tuning.
 

@@ -43,7 +43,7 @@ class Comparison:
         Estimators, in the format of the option `--estimator`. After tuning to equal noise, the
         specifications include the tuned options.
     seeds : list of int
-        Seeds that the runs of both estimators have in common.
+        Seeds for which both estimators have runs.
     rows : DataFrame
         Table with one verdict per score, from `flexaxis.experiments.gate.verdict.judge`.
     lost : sequence of Lost
@@ -51,7 +51,7 @@ class Comparison:
     paired : Paired
         Paired scores on which the verdicts are based.
     margins : mapping of metric to float
-        Largest relative change of each score that counts as negligible.
+        Largest relative change in each score that counts as negligible.
     look, looks : int
         Number of the last interim analysis (look), counted from 1, and number of planned analyses.
     equal : sequence of Tuned
@@ -95,7 +95,7 @@ def compare(
     runner: Runner, *,
     margins: Mapping[str, float] = MARGINS, max_seeds: int = 0, match_std: bool = False,
 ) -> Comparison:  # fmt: skip
-    """Run two estimators, and compare all scores or only the lags at equal noise.
+    """Run two estimators, and compare all their scores or only their lags at equal noise.
 
     If the verdict is "undecided", the function doubles the number of seeds and repeats the
     analysis, until `max_seeds` seeds have been used. Each of K interim analyses has the
@@ -114,7 +114,7 @@ def compare(
     runner : Runner
         Runner that executes the runs.
     margins : mapping of metric to float
-        Largest relative change of each score that counts as negligible.
+        Largest relative change in each score that counts as negligible.
     max_seeds : int
         Largest number of seeds.
     match_std : bool
@@ -123,8 +123,8 @@ def compare(
     Raises
     ------
     FlexaxisError
-        If the number of seeds is invalid, if the estimators have fewer than two common runs, or if
-        the noise cannot be matched.
+        If the number of seeds is invalid, if the estimators have fewer than two runs in common, or
+        if the noise cannot be matched.
     """
     looks, run = look_seeds(seeds, max_seeds), runner.rows
     left = [runner.misfits(scenarios, [text]) for text in (base, candidate)]
@@ -203,7 +203,7 @@ def compare_runs(
     base, candidate : Path
         Results folders.
     margins : mapping of metric to float
-        Largest relative change of each score that counts as negligible.
+        Largest relative change in each score that counts as negligible.
     estimators : sequence of str or None
         Estimator to compare from each folder, or None if the folder contains only one estimator.
     seeds : sequence of int, optional

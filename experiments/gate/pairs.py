@@ -15,8 +15,9 @@ from flexaxis.sim.errors import FlexaxisError
 Array = NDArray[np.float64]
 
 LOST = ("diverged", "never_settled")
-"""Kinds of lost runs. Lost runs are counted over all scenarios and judged separately. An average of
-scores over the remaining runs would reward an estimator for losing difficult runs."""
+"""Kinds of lost runs. Lost runs are counted over all scenarios and judged separately from the
+scores. An average of scores over the remaining runs would reward an estimator for losing difficult
+runs."""
 
 SIDES = ("base", "candidate")
 CASE = ["scenario", "seed"]
@@ -27,7 +28,7 @@ NUMBERS = [*dict.fromkeys([*METRICS, *(bias for bias, _ in SPREADS.values())])]
 
 
 class Gap(NamedTuple):
-    """Missing results of the base or candidate; with `must_look`, the exit status is not 0."""
+    """Missing results of one estimator; if `must_look` is true, the exit status is not 0."""
 
     side: str
     text: str
@@ -44,9 +45,9 @@ class Paired:
         One row per score. The columns ``scenario, parameter, metric, margin`` identify the score.
         The columns ``base`` and ``candidate`` contain means over the pairs [unit of the metric], or
         geometric means if ratios are compared. Each entry of the column ``changes`` is an array
-        with one value per run (n,), which is log(candidate/base) or (candidate − base)/``scale``.
-        The value is NaN for runs in which either estimator diverged or lacks the score. The column
-        ``scale`` is NaN if ratios are compared.
+        (n,) with one value per run: log(candidate/base) if ratios are compared, and otherwise
+        (candidate − base)/``scale``. The value is NaN for runs in which either estimator diverged
+        or lacks the score. The column ``scale`` is NaN if ratios are compared.
     lost : DataFrame
         Table that marks lost runs, with one row per scenario and seed. The four columns, such as
         ``"diverged base"``, are true for lost runs. A run that diverged for either estimator does
@@ -69,9 +70,9 @@ class Paired:
 def table(rows: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
     """Return the scores of one estimator in the form that a comparison needs.
 
-    A failed run has rows for all parameters that the scenario identifies. From the rows of failed
-    runs, the function removes all parameters that the estimator does not estimate in any successful
-    run on the same scenario.
+    A failed run has rows for all parameters that the scenario identifies. The function removes the
+    rows of a failed run for parameters that the estimator does not estimate in any successful run
+    on the same scenario.
 
     Parameters
     ----------
@@ -94,7 +95,7 @@ def pair(base: pd.DataFrame, candidate: pd.DataFrame, margins: Mapping[str, floa
     base, candidate : DataFrame
         Rows from `table`.
     margins : mapping of metric to float
-        Smallest relevant relative change of each score to compare.
+        Smallest relevant relative change in each score to compare.
 
     Raises
     ------
@@ -125,7 +126,7 @@ def pair(base: pd.DataFrame, candidate: pd.DataFrame, margins: Mapping[str, floa
 
 
 def _lacking(sides: Mapping[str, pd.DataFrame]) -> list[Gap]:
-    """Return a `Gap` for each estimator and scenario with missing runs on the common seeds."""
+    """Return a `Gap` for each estimator and scenario if runs with the common seeds are missing."""
     seeds = set.intersection(*({*rows["seed"]} for rows in sides.values()))
     cases = pd.DataFrame({
         side: rows[rows["seed"].isin(seeds)].drop_duplicates(CASE)["scenario"].value_counts()

@@ -35,13 +35,13 @@ TEXTS = {
     "diverged": "{4} of {1} runs newly diverge, and {5} runs no longer diverge",
     "never_settled": "{4} of {1} runs no longer settle, and {5} runs newly settle",
     # advice
-    "unfair": "The comparison is not fair: the {0} also estimates {1}, but the {2} uses nominal "
-    "values of {1}. With any method, the estimation of more parameters increases the lag and the "
-    "noise.",
+    "unfair": "The comparison is not fair: the {0} also estimates {1}, but the {2} uses the "
+    "nominal values of {1}. Estimating more parameters increases the lag and the noise of any "
+    "method.",
     "scenarios": "Compare the estimators on scenarios with faults in parameters that both of them "
     "can estimate.",
-    "traded": "One estimator is faster, and the other has less noise. To compare the lags at equal "
-    "noise, use --match-std.",
+    "traded": "One estimator is faster, and the other has less noise. Use --match-std to compare "
+    "the lags at equal noise.",
     "seeds": "Use --max-seeds to add more seeds, which can lead to a clear verdict.",
     "tuned": "Both estimators were tuned to the {0} of rpem-forgetting: base {1}, candidate {2}.",
 }  # fmt: skip
@@ -52,15 +52,15 @@ LEGEND = (
     "of candidate/base, and shown in percent or as a factor. For a bias, the change is the "
     "difference candidate − base. A standard deviation (std) is computed around the mean of all "
     "runs.",
-    "The interval of a change is Student's t interval for the mean log-ratio, at the level of "
-    "Holm's procedure. The probability of any false verdict "
+    "The interval of a change is Student's t interval for the mean log-ratio, at the confidence "
+    "level that Holm's procedure determines. The probability of any false verdict "
     '"worse" or "better" is at most {percent:.2g} %.',
     'The verdict is "worse" or "better" if the interval lies outside the margin ({margins}) and '
     'enough runs confirm the change. The verdict is "slight" or "same" if the interval lies inside '
     "the margin.",
     "McNemar's exact test compares the numbers of runs that diverge or never settle.",
-    "The result is interim analysis {look} of {looks}; each analysis uses an equal share of this "
-    "probability.",
+    "The result is interim analysis {look} of {looks}; each analysis uses an equal share of the "
+    "probability of a false verdict.",
 )
 
 
@@ -115,7 +115,7 @@ def headline(c: Comparison, shown: Sequence[Row]) -> str:
 
 
 def _scaled(row: Row) -> tuple[Any, str]:
-    """Return a score change with the ends of its interval (3,), and the unit for display."""
+    """Return a score change and the ends of its interval (3,), and their unit for display."""
     numbers = np.array([row["change"], *row["interval"]], float)
     if row["scale"] is not None:
         return numbers, METRICS[row["metric"]]

@@ -27,16 +27,17 @@ SHARES = {False: 0.5, True: 0.1, "diverged": 0.2, "never_settled": 0.2}
 False for all other scores, and the remaining keys for the kinds of lost runs."""
 
 LOST_WORSE = 0.75
-"""Fraction of the significance level for the verdict "worse" in a test of lost runs. With
-alpha = 0.01, ten newly lost runs and no regained runs (p = 2⁻¹⁰) lead to the verdict "worse"."""
+"""In a test of lost runs, fraction of the significance level for the verdict "worse". With alpha =
+0.01, ten newly lost runs and no regained runs (p = 2⁻¹⁰) lead to the verdict "worse"."""
 
 UNSEEN = 0.5
 """Assumed size of a rare change in the opposite direction that did not occur in any run. The size
 is a log-ratio; a log-ratio of 0.5 corresponds to a factor of 1.65."""
 
 FAILED, SCATTER = 0.2, 4 * 1.4826
-"""Limits for a failure. The log-ratio of a failure is larger than FAILED, and exceeds the median
-log-ratio by more than SCATTER median absolute deviations (four standard deviations)."""
+"""Limits beyond which a change counts as a failure. The log-ratio of a failure is larger than
+FAILED, and exceeds the median log-ratio by more than SCATTER times the median absolute deviation
+(four standard deviations)."""
 
 
 class Lost(NamedTuple):
@@ -103,10 +104,10 @@ def decide(
     Parameters
     ----------
     changes : array_like (S, n)
-        For each score and seed, log(candidate/base), or the difference candidate − base divided by
-        the scale. An entry is NaN if the base or the candidate lacks the score for the seed.
+        Change in each score for each seed: log(candidate/base), or (candidate − base)/scale. An
+        entry is NaN if the base or the candidate lacks the score for the seed.
     scenarios, metrics, margins : ndarray (S,)
-        Scenario, metric and smallest relevant relative change of each score.
+        Scenario, metric and smallest relevant relative change for each score.
     alpha : float
         Largest probability of any false verdict "worse" or "better" in the whole comparison.
 
@@ -148,12 +149,12 @@ def decide(
 
 
 def _agreeing(way: Any, n: Any, scenarios: Any, metrics: Any) -> tuple[Any, Any]:
-    """Return the number of runs that confirm each change, and the number of scenario selections.
+    """Count the runs that confirm each change, and the ways to select the confirming scenarios.
 
     The runs on a scenario confirm a change if any score of the same metric changes in the same
     direction on this scenario. Each run counts once. The first returned array contains the number
-    of confirming runs for each score (S,). If k of K scenarios confirm the change, the second array
-    contains the number of ways to select k of K scenarios, for each score (S,). If a failure has
+    of confirming runs for each score (S,). For each score, k of K scenarios confirm the change, and
+    the second array (S,) contains the number of ways to select k of K scenarios. If a failure has
     the probability q per run, the probability of no failure in n runs is (1 − q)ⁿ. Therefore n runs
     cannot exclude failures with a probability q below 1 − alpha^(1/n).
     """
@@ -166,11 +167,11 @@ def _agreeing(way: Any, n: Any, scenarios: Any, metrics: Any) -> tuple[Any, Any]
 
 
 def judge_lost(newly: int, regained: int, way: str, alpha: float = ALPHA) -> str:
-    """Return the verdict of McNemar's exact test on the runs in which only one estimator diverged.
+    """Return the verdict of McNemar's exact test on the runs that only one estimator lost.
 
     If the test is not significant, the verdict is "undecided" or "not more". The verdict is
-    "undecided" if the candidate newly loses at least one run, and regains at most as many runs as
-    it loses.
+    "undecided" if the candidate newly loses at least one run, and regains no more runs than it
+    newly loses.
     """
     share = SHARES[way] * alpha
     if sign_p(newly, regained) <= LOST_WORSE * share:

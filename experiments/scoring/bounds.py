@@ -1,5 +1,5 @@
 """
-Compute theoretical limits after a jump: the Cramér–Rao bound, the lag at the bound, and the score.
+Compute the Cramér–Rao bound after a parameter jump, the lag at the bound, and the score.
 
 The page docs/scores.md contains the formulas and their sources. All formulas use the predictor
 gradient ψ at the true parameters, and assume white output noise with variance σ². If estimators
@@ -42,23 +42,23 @@ LIMITS = {
     "lag_bound_learnt": "Lag at the Cramér–Rao bound, for an estimator that must also estimate "
     "inexactly known parameters from the data before the fault.",
 }
-"""Descriptions of the theoretical limits [s]."""
+"""Descriptions of the theoretical limits on the lag [s]."""
 
 
 def cramer_rao(
     psi: ArrayLike, variance: float, theta: ArrayLike, prior: ArrayLike | None = None
 ) -> Array:
     """
-    Return the lower bound on the covariance of θ̂ for each sample after a jump, as (N, p, p).
+    Return the lower bound on the covariance of θ̂ at each sample after a jump, shape (N, p, p).
 
-    After n samples, the bound is C(n) = σ² [P_b⁻¹ + Σ_{k≤n} ψ₀ψ₀ᵀ]⁻¹ with the initial covariance
-    P_b = diag((θ/2)²)/σ². The bound is valid for an estimator that knows the time of the jump and
-    the state at the jump.
+    After n samples, the bound is C(n) = σ² [P_b⁻¹ + Σ_{k≤n} ψ₀ψ₀ᵀ]⁻¹, where ψ₀ is the predictor
+    gradient after the jump. P_b = diag((θ/2)²)/σ² is the initial covariance divided by σ². The
+    bound is valid for an estimator that knows the time of the jump and the state at the jump.
 
     Parameters
     ----------
     psi : (N, p) array_like
-        Gradient ψ₀ after the jump.
+        Predictor gradient ψ₀ after the jump.
     variance : float
         Variance σ² of the output noise.
     theta : (p,) array_like
@@ -76,12 +76,12 @@ def cramer_rao(
 
 def lag_bound(deviation: ArrayLike, size: float, *, period: float) -> float:
     """
-    Return the lag [s] of an estimator that attains the bound: Σ T min(1, √(2/π) s_n/D).
+    Return the lag Σ T min(1, √(2/π) s_n/D) [s] of an estimator that attains the bound.
 
     Parameters
     ----------
     deviation : (N,) array_like
-        Standard deviation s_n of the estimate at the bound, n samples after the jump.
+        Standard deviation s_n of an estimate that attains the bound, n samples after the jump.
     size : float
         Size D of the jump.
     period : float
@@ -102,8 +102,9 @@ class JumpBound(NamedTuple):
     single : ndarray (n, p)
         Bound for each parameter if all other parameters are known after the event.
     learnt : ndarray (n, p)
-        Bound for an estimator that knows none of the estimated parameters after the event, and must
-        also estimate inexactly known parameters (`true_model.untold`) before the event.
+        Bound for an estimator that knows none of the estimated parameters after the event. Before
+        the event, the estimator must also estimate all parameters that it knows only inexactly
+        (`true_model.untold`).
     """
 
     unknown: Array
@@ -120,13 +121,13 @@ def jump_bound(
     Parameters
     ----------
     scenario : Scenario
-        Scenario with noise. A model must describe the axis of the scenario
+        Scenario with noise. One of the models for estimators must describe the axis of the scenario
         (`flexaxis.experiments.scoring.true_model.describes`).
     names : sequence of str
         Names of the parameters that are unknown after the event.
     index, stop : int
-        Index of the sample at which the event occurs, and index of the first sample without a
-        bound.
+        Index of the sample at which the event occurs, and index of the sample after the last sample
+        with a bound.
     u : (N,) array_like
         Torque of a record of the scenario [N m].
     """
@@ -158,7 +159,7 @@ def bound_from(
     variance: float,
 ) -> JumpBound:
     """
-    Return the bounds after a jump from the physical parameters and the state at the jump.
+    Return the bounds after a jump, given the physical parameters and the state at the jump.
 
     Parameters
     ----------
@@ -169,7 +170,7 @@ def bound_from(
     parameters : (q,) ndarray
         Physical parameters after the jump, in the order of `Scenario.parameter_names`.
     x : (n,) ndarray
-        State at the jump. The state can omit bristle states, because bristle states decay within
+        State at the jump. The bristle states can be omitted, because they decay within
         milliseconds.
     u : (N,) ndarray
         Torque after the jump [N m].
@@ -191,7 +192,7 @@ def _deviation(covariance: Array) -> Array:
 def _gradient(
     scenario: Scenario, names: Sequence[str], parameters: Array, x: Array, u: Array
 ) -> tuple[Array, Array]:
-    """Return the predictor gradient ψ₀ (N, p) for an initial state, and parameter scales (p,)."""
+    """Return the predictor gradient ψ₀ (N, p) for an initial state, and the scales of θ (p,)."""
     model = true_model(scenario, parameters).parametrize(names)
     theta = model_theta(scenario, names, parameters)
     state = np.zeros(model.states)
@@ -211,12 +212,12 @@ def noise_variance(scenario: Scenario) -> float:
 
 
 Limits = Mapping[str, float | None]
-"""Theoretical limits for a parameter in one run, keyed as in `LIMITS`; None if undefined."""
+"""Lag limits of a parameter in one run, keyed as in `LIMITS`; an undefined limit is None."""
 
 
 def limits(scenario: Scenario, names: Sequence[str], torque: Array) -> dict[str, Limits]:
     """
-    Return the theoretical limits of each parameter that has a bound.
+    Return the theoretical limits on the lag of each parameter that has a bound.
 
     Parameters
     ----------
@@ -230,8 +231,8 @@ def limits(scenario: Scenario, names: Sequence[str], torque: Array) -> dict[str,
     Returns
     -------
     dict of str to mapping
-        Theoretical limits [s] of each parameter. The limits of a parameter have the keys of
-        `LIMITS`.
+        Theoretical limits on the lag [s], keyed by parameter. The limits of a parameter have the
+        same keys as `LIMITS`.
     """
     unknown, result = tracked(scenario, names), dict[str, Limits]()
     for name, window in bounded(scenario, names).items():
@@ -244,7 +245,7 @@ def limits(scenario: Scenario, names: Sequence[str], torque: Array) -> dict[str,
 
 @remembered
 def record_limits(scenario: Scenario, torque: bytes) -> dict[str, Limits]:
-    """Return the limits of all identified parameters, from a cache that all estimators share."""
+    """Return the lag limits of all identified parameters, cached for all estimators."""
     return limits(scenario, scenario.identify, np.frombuffer(torque).copy())
 
 
@@ -252,9 +253,9 @@ def bounded(scenario: Scenario, names: Sequence[str]) -> dict[str, Window]:
     """Return the scoring windows of the parameters for which a bound is defined, keyed by name.
 
     A parameter has a bound if its value changes once, in a step, while the excitation is on. All
-    other faults must also be steps, and parameters must change only through faults. A model must
-    describe the axis, even if estimators do not use this model. The scenario must have noise,
-    because all bounds are zero without noise.
+    other faults must also be steps, and parameters must change only through faults. One of the
+    models for estimators must describe the axis, even if no estimator uses this model. The scenario
+    must have noise, because all bounds are zero without noise.
     """
     if scenario.nuisance or not describes(scenario) or not noise_variance(scenario) > 0:
         return {}
@@ -290,9 +291,9 @@ def score(lag: float | None, limit: Limits) -> float | None:
 
 
 def limits_of(track: Track, i: int) -> Limits:
-    """Return the theoretical limits for the estimated parameter i.
+    """Return the theoretical limits on the lag of the estimated parameter i.
 
-    The function computes the limits for all parameters that the scenario identifies, even if an
+    The function computes the limits for all parameters that the scenario identifies, even if the
     estimator estimates other parameters. Therefore the limits are the same for all estimators.
     """
     if track.torque is None:
@@ -302,7 +303,7 @@ def limits_of(track: Track, i: int) -> Limits:
 
 
 def limit_of(name: str, track: Track, i: int) -> float | None:
-    """Return a theoretical limit, such as "lag_bound", for the estimated parameter i."""
+    """Return a theoretical limit on the lag, such as "lag_bound", of the estimated parameter i."""
     return limits_of(track, i).get(name)
 
 

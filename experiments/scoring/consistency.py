@@ -38,8 +38,8 @@ def nis(innovations: Array) -> float | None:
 def whiteness(innovations: Array, lags: int) -> float | None:
     """Return the Ljung-Box statistic of ε/√S, divided by its degrees of freedom.
 
-    For white innovations, the mean of the statistic is 1. The statistic Q is computed from n
-    innovations, with n_l pairs that are l samples apart.
+    For white innovations, the expected result is 1. The statistic Q is computed from n innovations,
+    of which n_l pairs are l samples apart.
 
     Q = (n + 2)/n Σ_l n_l r_l²,  where r_l is the mean product of the n_l pairs, divided by the mean
     square of all values.
@@ -85,7 +85,8 @@ def normalised(innovations: Array) -> Array:
 def nees(error: Array, covariance: Any) -> float | None:
     """Return the normalised estimation error squared (NEES), which is θ̃ᵀ Σ⁻¹ θ̃.
 
-    If Σ is correct, the NEES has a χ² distribution with p degrees of freedom and mean p.
+    If Σ is correct, the NEES of p parameters has a χ² distribution with p degrees of freedom and
+    mean p.
 
     Parameters
     ----------
@@ -110,14 +111,14 @@ def nees(error: Array, covariance: Any) -> float | None:
 
 
 def nis_of(track: Track, i: int) -> float | None:
-    """Return the mean of ε²/S over the samples before the fault that the score `std` uses."""
+    """Return the mean of ε²/S over the samples before the fault from which `std` is computed."""
     del i
     innovations = _quiet(track)
     return None if innovations is None else nis(innovations)
 
 
 def whiteness_of(track: Track, i: int) -> float | None:
-    """Return the whiteness of the innovations at the samples that the score `std` uses."""
+    """Return the whiteness of the innovations at the samples from which `std` is computed."""
     del i
     innovations, lags = _quiet(track), round(MEMORY / track.scenario.period)
     return None if innovations is None else whiteness(innovations, lags)

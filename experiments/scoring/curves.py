@@ -22,7 +22,7 @@ BEFORE, AFTER = 0.1, 1.0  # time before and after a fault in which every sample 
 
 
 def near_fault(scenario: Scenario) -> slice:
-    """Return the range of samples around the first scored fault, which is empty without a fault."""
+    """Return the range of samples around the first scored fault; without a fault, it is empty."""
     first = next(iter(windows(scenario, scenario.identify)), None)
     if first is None:
         return slice(0, 0)
@@ -31,19 +31,19 @@ def near_fault(scenario: Scenario) -> slice:
 
 
 def after(scenario: Scenario) -> int:
-    """Return for how many samples after a fault a trajectory contains every sample."""
+    """Return the number of consecutive samples after a fault that a trajectory contains."""
     return round(AFTER / scenario.period) + 1
 
 
 def later(drawn: Scenario, written: Scenario) -> int:
-    """Return the delay of the first fault in a run due to the random onset, in samples."""
+    """Return the number of samples by which the random onset delays the first fault of a run."""
     if not (drawn.events() and written.events()):
         return 0
     return drawn.events()[0].index - written.events()[0].index
 
 
 def shifted(values: Array, late: int) -> Array:
-    """Shift a time series (N, …) by `late` samples to earlier times, and repeat its end value.
+    """Shift a time series (N, …) earlier by `late` samples, and fill the gap with its end value.
 
     Examples
     --------
@@ -69,6 +69,6 @@ def estimates(traces: Mapping[int, Any], scenario: Scenario, parameter: str) -> 
 
 
 def truth(scenario: Scenario, parameter: str) -> pd.Series:
-    """Return the true values of a parameter divided by its nominal value, indexed by time [s]."""
+    """Return a parameter's true values, divided by its nominal value and indexed by time [s]."""
     values = theta_over_time(scenario, [parameter]) / nominal_theta(scenario, [parameter])
     return pd.Series(values[:, 0], scenario.times)

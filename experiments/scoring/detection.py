@@ -1,4 +1,4 @@
-"""Score the detection of faults by alarms, delays and correctly named parameters."""
+"""Score fault detection: alarms, delays, and whether the correct parameters are named."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -29,20 +29,19 @@ def detection(
     names : sequence of str
         Names of the estimated parameters.
     findings : sequence, optional
-        Findings, which are the changes that the estimator reports. Each finding has the attributes
-        ``alarm`` (sample of the alarm) and ``parameters`` (names of the parameters that changed).
+        Changes that the estimator reports (findings). Each finding has the attributes ``alarm``
+        (sample of the alarm) and ``parameters`` (names of the parameters that changed).
 
     Returns
     -------
     dict or None
         ``alarms`` is the number of reported changes. ``false_alarms`` is the number of reported
-        changes outside the windows of all faults. ``calm`` is the time outside the windows of all
-        faults [s], and ``false_alarms_per_1000_s`` is the rate of false alarms during ``calm``.
-        ``delay`` is the mean time from the start of a fault window to the first reported change in
-        the window [s], for all detected faults. ``faults`` is the number of faults in the run.
-        ``missed`` is the number of fault windows without a reported change. ``isolated`` is the
-        fraction of detected faults for which the first report names exactly the parameters that
-        changed.
+        changes outside all fault windows. ``calm`` is the total time outside all fault windows [s],
+        and ``false_alarms_per_1000_s`` is the rate of false alarms during this time. ``delay`` is
+        the time from the start of a fault window to the first reported change in this window [s],
+        averaged over all detected faults. ``faults`` is the number of faults in the run. ``missed``
+        is the number of fault windows without a reported change. ``isolated`` is the fraction of
+        detected faults for which the first report names exactly the parameters that changed.
     """
     if findings is None:
         return None
@@ -74,7 +73,7 @@ def detection(
 def _firsts(
     scenario: Scenario, names: Sequence[str], findings: Sequence[Any]
 ) -> list[tuple[Window, Any]]:
-    """Return the window of each fault, with the first reported change in the window or None."""
+    """Return the window of each fault, and the first reported change in this window or None."""
     return [(w, next((f for f in findings if w.start <= f.alarm < w.stop), None))
             for w in windows(scenario, names)]  # fmt: skip
 
@@ -87,13 +86,13 @@ def isolation(
     Parameters
     ----------
     scenario, names, findings : Scenario, sequence of str, sequence or None
-        The arguments of the function `detection`.
+        The same arguments as those of the function `detection`.
 
     Returns
     -------
     list of dict, or None
-        One dict per fault. ``fault`` is the parameter that changed. ``named`` is the list of
-        physical parameters that the first report in the window names, which is empty if the report
+        One dict per fault. ``fault`` is the parameter that changed. ``named`` lists the physical
+        parameters that the first report in the fault window names. The list is empty if this report
         names no parameter. ``named`` is None if the estimator misses the fault. The function
         returns None if `findings` is None.
     """

@@ -22,11 +22,11 @@ STEADY = 20.0  # time at the end of the nominal run over which ψψᵀ is averag
 def information(scenario: Scenario) -> Array | None:
     """Return the weighting matrix M (p, p) of the excess error θ̃ᵀMθ̃, with θ̃ in % of nominal.
 
-    The excess error is the increase of the mean squared prediction error due to small errors of θ̂,
+    The excess error is the increase in the mean squared prediction error due to small errors in θ̂,
     divided by the noise variance. The excess error depends neither on the units nor on the choice
-    of the parameters. The matrix M is E ψψᵀ/σ², where ψ is the predictor gradient for all
-    identified parameters, scaled to % of nominal, and σ² is the noise variance. The expectation E
-    is a time average in steady state, for the reference motion of the scenario and nominal
+    of the parameters. The matrix M is E ψψᵀ/σ², where ψ is the predictor gradient with respect to
+    all identified parameters, scaled to % of nominal, and σ² is the noise variance. The expectation
+    E is a time average in steady state, for the reference motion of the scenario and nominal
     parameters. The model is linear, so the rows and columns for parameters of nonlinear laws are
     zero. The function returns None if there is no noise, or if the scenario identifies only
     parameters of nonlinear laws.

@@ -24,11 +24,11 @@ LEAST = 5  # smallest number of values for an interval
 NEVER = 1e12  # number that represents infinity
 MISS = 0.05  # probability that an interval does not contain the true value
 FLOOR = 1e-6
-"""Lower limit of scores before a logarithm is computed [s or %], because a score can be 0."""
+"""Smallest score whose logarithm is computed [s or %]; it replaces smaller scores, such as 0."""
 
 
 def t_interval(values: ArrayLike) -> Interval | None:
-    """Return Student's t confidence interval for the mean of values (n,)."""
+    """Return Student's t confidence interval for the mean of the values (n,)."""
     x = np.asarray(values, float)
     if len(x) < LEAST or not np.isfinite(x).all():
         return None
@@ -37,12 +37,12 @@ def t_interval(values: ArrayLike) -> Interval | None:
 
 
 def mean_interval(values: ArrayLike) -> Interval | None:
-    """Return a confidence interval for the mean of n values (n,) from a skewed distribution.
+    """Return a confidence interval for the mean of values (n,) that have a skewed distribution.
 
     Hall's transformation of Student's t corrects for skewness (Hall, Journal of the Royal
     Statistical Society B 54, 1992, 221–228). The correction is necessary because the distribution
     of squared errors is skewed. Without the correction, the true mean would lie above a t interval
-    more often than below.
+    more often than below it.
     """
     x = np.asarray(values, float)
     within = t_interval(x)
@@ -54,16 +54,16 @@ def mean_interval(values: ArrayLike) -> Interval | None:
 
 
 def by_seed(values: ArrayLike, seeds: Labels, points: Labels) -> Array:
-    """Combine the values of each seed into one value (m,), to compute a standard error.
+    """Return one combined value per seed (m,), from which a standard error can be computed.
 
-    The m combined values have the same mean x̄ as the n values. The scatter of the combined values
-    determines the standard error of x̄. If d_i are the deviations of the runs of a seed from the
-    means at their sweep points, the combined value for the seed is x̄ + m/n Σ d_i. The formula
-    gives the variance of clustered samples (Cochran, *Sampling Techniques*, third edition, chapters
-    5 and 9). Differences between sweep points are not random, and therefore do not increase the
-    scatter. If all sweep points have the same seeds, the combined value for a seed is the mean of
-    its values at all sweep points. If any sweep point has a single run, the function treats
-    differences between sweep points as random.
+    The m combined values have the same mean x̄ as the values of the n runs. The scatter of the
+    combined values determines the standard error of x̄. For each run of a seed, d_i is the
+    deviation of its value from the mean at its sweep point. The combined value for the seed is x̄ +
+    m/n Σ d_i. The formula gives the variance of clustered samples (Cochran, *Sampling Techniques*,
+    third edition, chapters 5 and 9). Differences between sweep points are not random, and therefore
+    do not increase the scatter. If all sweep points have the same seeds, the combined value for a
+    seed is the mean of its values at all sweep points. If any sweep point has a single run, the
+    function treats differences between sweep points as random.
 
     Parameters
     ----------
@@ -101,11 +101,11 @@ def median_interval(
 ) -> list[float | None] | None:
     """Return a confidence interval for the median from order statistics; an infinite end is None.
 
-    In the normal approximation, the ends of the interval have the ranks (m + 1)/2 ± 1.96 √m/2. The
-    ends are interpolated linearly between neighbouring values (Nyblom, Computational Statistics and
-    Data Analysis 13, 1992, 33–42). If a seed has several runs, m is the effective sample size
-    (Kish, *Survey Sampling*, 1965, section 8.2), which accounts for the correlation between the
-    runs.
+    In the normal approximation for m values, the ends of the interval have the ranks (m + 1)/2 ±
+    1.96 √m/2. The ends are interpolated linearly between neighbouring values (Nyblom, Computational
+    Statistics and Data Analysis 13, 1992, 33–42). If a seed has several runs, m is the effective
+    sample size (Kish, *Survey Sampling*, 1965, section 8.2), which accounts for the correlation
+    between the runs.
 
     Parameters
     ----------
@@ -130,8 +130,8 @@ def rate_interval(counts: ArrayLike, exposure: float, seeds: ArrayLike) -> Inter
     """Return a confidence interval for the rate of events per unit of exposure.
 
     The interval is exact for a Poisson process (Garwood, Biometrika 28, 1936, 437–442). If no event
-    occurred, the upper end is the one-sided limit, which is 3.0 divided by the exposure. The
-    interval is wider if events occur in clusters, depending on the ratio of the variance to the
+    occurred, the upper end is the one-sided limit, which is 3.0 divided by the exposure. If events
+    occur in clusters, the interval is wider. The width depends on the ratio of the variance to the
     mean of the counts per seed.
 
     Parameters
@@ -156,15 +156,15 @@ def rate_interval(counts: ArrayLike, exposure: float, seeds: ArrayLike) -> Inter
 def spread_interval(
     std: ArrayLike, bias: ArrayLike, seeds: Labels = None, points: Labels = None
 ) -> Interval | None:
-    """Return a confidence interval for the standard deviation from `pooling.spread`.
+    """Return a confidence interval for the standard deviation that `pooling.spread` returns.
 
     The total variance is the sum of three variances: within the runs, between the runs at a sweep
     point, and between sweep points. The interval for the variance within the runs is Cox's interval
     for the mean of lognormal values. The interval for the variance between the runs is the χ²
-    interval of a normal variance, with the degrees of freedom from `_freedom`. The interval for the
-    variance between sweep points is Student's t interval. The method of variance estimates recovery
-    combines the three intervals (Zou and Donner, Statistical Methods in Medical Research 17, 2008,
-    1–10).
+    interval for the variance of normally distributed values, with the degrees of freedom that
+    `_freedom` returns. The interval for the variance between sweep points is Student's t interval.
+    The method of variance estimates recovery combines the three intervals (Zou and Donner,
+    Statistical Methods in Medical Research 17, 2008, 1–10).
 
     Parameters
     ----------
@@ -198,7 +198,7 @@ def _freedom(apart: Array, seed: Index, point: Index) -> float:
 
     Satterthwaite's formula is (m − 1)(tr C)²/tr C², where C is the covariance between the sweep
     points, estimated from m seeds. The formula gives m − 1 degrees of freedom if the noise is the
-    same at all sweep points. If the noise is independent at all sweep points, the formula gives m −
+    same at all sweep points. If the noise at each sweep point is independent, the formula gives m −
     1 times the number of points. The function subtracts the bias of tr C² due to the finite number
     of seeds.
     """
@@ -256,9 +256,10 @@ def _t(n: int) -> float:
 def sign_p(more: int, less: int) -> float:
     """Return the one-sided p-value of McNemar's exact test for two paired estimators.
 
-    The p-value is the probability of at least `more` heads in more + less tosses of a fair coin.
-    The test uses only runs that exactly one of the two estimators loses. If the estimators are
-    equally good, each of them loses half of these runs on average.
+    The p-value is the probability of at least `more` heads in `more` + `less` tosses of a fair
+    coin. The test uses only runs that are lost (diverged or never settled) for exactly one of the
+    two estimators. If the estimators are equally good, each of them loses half of these runs on
+    average.
 
     Examples
     --------
@@ -269,11 +270,12 @@ def sign_p(more: int, less: int) -> float:
 
 
 def holm_levels(p: ArrayLike, alpha: float) -> Array:
-    """Return the significance level of each test by Holm's step-down procedure.
+    """Return the significance level of each test according to Holm's step-down procedure.
 
-    The procedure rejects a hypothesis if the p-value is at most the level of the test. A hypothesis
-    is rejected if and only if the confidence interval at the level of its test excludes zero. The
-    probability of any wrong rejection is at most `alpha`, even if the tests are dependent.
+    The procedure rejects a hypothesis if the p-value of its test is at most the level of this test.
+    A hypothesis is rejected if and only if the confidence interval at the level of its test
+    excludes zero. The probability of any wrong rejection is at most `alpha`, even if the tests are
+    dependent.
 
     Parameters
     ----------
@@ -286,8 +288,8 @@ def holm_levels(p: ArrayLike, alpha: float) -> Array:
     -------
     ndarray (m,)
         Level of each test: alpha/m for the smallest p-value, alpha/(m − 1) for the next p-value,
-        and so on. After the first hypothesis that is not rejected, the level of all further tests
-        is constant.
+        and so on. All tests after the first hypothesis that is not rejected have the same level as
+        the test of this hypothesis.
 
     Examples
     --------

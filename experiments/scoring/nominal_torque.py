@@ -20,7 +20,7 @@ from flexaxis.sim.tables.excitation import Standstill
 
 Array = NDArray[np.float64]
 Torque = Callable[[Scenario], Array]
-"""Function that returns the torque of a scenario for the seed 0, as (N,) [N m]."""
+"""Function that returns the torque [N m] of a scenario with the seed 0, shape (N,)."""
 
 
 def _simulated(scenario: Scenario) -> Array:
@@ -42,7 +42,7 @@ def nominal_runs(torque: Torque) -> Iterator[None]:
 
 @remembered
 def nominal_torque(scenario: Scenario) -> Array:
-    """Return the torque of the nominal axis during 40 s of reference motion, as (8000,) [N m]."""
+    """Return the torque [N m] of the nominal axis in 40 s of reference motion, shape (8000,)."""
     nominal = scenario.override(
         {
             "name": "nominal",
@@ -63,7 +63,7 @@ def nominal_torque(scenario: Scenario) -> Array:
 @remembered
 def design_torque(scenario: Scenario) -> Array:
     """
-    Return the torque of the axis with design values during 40 s of motion, as (8000,) [N m].
+    Return the torque [N m] of an axis with the design values during 40 s of motion, shape (8000,).
 
     The design values are the nominal values that an estimator receives. The simulation contains no
     nonlinear effects, because estimators do not know these effects. If the axis does not move in

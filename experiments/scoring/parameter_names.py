@@ -13,7 +13,7 @@ from flexaxis.sim.scenario import Scenario
 
 
 def physical(name: str) -> tuple[str, int]:
-    """Return the physical parameter and the exponent, such as J_a and −1 for the name "1/J_a"."""
+    """Return the physical parameter and its exponent, such as J_a and −1 for the name "1/J_a"."""
     return (name[2:], -1) if name.startswith("1/") else (name, 1)
 
 
@@ -37,7 +37,7 @@ def nominal_theta(scenario: Scenario, names: Sequence[str]) -> NDArray[np.float6
 
 
 def theta_over_time(scenario: Scenario, names: Sequence[str]) -> NDArray[np.float64]:
-    """Return the true values (N, p) of estimated parameters at every sample."""
+    """Return the true values (N, p) of the estimated parameters at every sample."""
     return true_theta(names, scenario.true_parameters(), scenario.parameter_names)
 
 
@@ -49,8 +49,8 @@ def known_names(scenario: Scenario, names: Sequence[str]) -> tuple[str, ...]:
 def started_nominal(scenario: Scenario) -> dict[str, float]:
     """Return the nominal values that an estimator receives.
 
-    For identified parameters, a nominal value is the true initial value times the factor `start`.
-    For other parameters, a nominal value is the true initial value times the factor in `known`,
+    The nominal value of an identified parameter is its true initial value times the factor `start`.
+    The nominal value of any other parameter is its true initial value times its factor in `known`,
     which is 1 by default. The nominal values also include data-sheet values. Estimators do not know
     which nonlinear laws act on the axis. Therefore the parameters of a nonlinear law are included
     only if `known` contains them.
@@ -66,9 +66,9 @@ def started_nominal(scenario: Scenario) -> dict[str, float]:
 
 
 def started_theta(scenario: Scenario, names: Sequence[str]) -> NDArray[np.float64]:
-    """Return the initial estimates of an estimator that starts at its nominal values, θ(0) (p,).
+    """Return the initial estimates θ(0) (p,) of an estimator that starts at its nominal values.
 
-    The initial estimate of a nonlinear-law parameter without a nominal value is the true value.
+    If a nonlinear-law parameter has no nominal value, its initial estimate is its true value.
     """
     told = scenario.laws | started_nominal(scenario)
     columns = scenario.parameter_names
@@ -76,7 +76,7 @@ def started_theta(scenario: Scenario, names: Sequence[str]) -> NDArray[np.float6
 
 
 def has_model(scenario: Scenario) -> bool:
-    """Return whether estimators have a model with the name and the parameters of the plant."""
+    """Return whether a model for estimators has the same name and parameters as the plant."""
     shipped = MODELS.get(scenario.model)
     return shipped is not None and set(shipped.factory(shipped.rough).parameters) == set(
         scenario.nominal
@@ -95,6 +95,6 @@ def check_model(scenario: Scenario) -> None:
 
 
 def axis_model(scenario: Scenario, values: Mapping[str, float]) -> Model:
-    """Return the linear model that estimators use for a plant; raise an error without a model."""
+    """Return the linear model that estimators use for a plant; raise an error if there is none."""
     check_model(scenario)
     return MODELS[scenario.model].factory(values)

@@ -4,10 +4,10 @@ There is one pooling function for each kind of score. A pooling function receive
 one parameter of one estimator on one scenario, and the name of a score. A pooling function returns
 a dict with the pooled score and, if available, a confidence interval. A column is an array with one
 number per run, in the order of the seeds. In a column, NaN means undefined, 1 means true, and 0
-means false. The columns include ``seed`` and ``point`` (the sweep point), because only runs with
-different seeds are independent (`flexaxis.experiments.scoring.intervals`). Consistency scores
-exclude diverged runs, for which no covariance is reported. All scores except the consistency scores
-include diverged runs.
+means false. The columns include ``seed`` and ``point`` (the sweep point). Confidence intervals need
+both, because only runs with different seeds are independent
+(`flexaxis.experiments.scoring.intervals`). Consistency scores exclude diverged runs, for which no
+covariance is reported. All scores except the consistency scores include diverged runs.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -146,9 +146,9 @@ def detections(names: Sequence[str]) -> Pool:
     """Return a pooling function for the detection scores, most of which are averaged.
 
     ``missed`` is the fraction of faults that the estimator does not report. All faults in a failed
-    run count as missed. ``calm`` is the total time outside the windows of all faults [s], during
-    which every alarm is false. ``false_alarms_interval`` is the confidence interval for the number
-    of false alarms per 1000 s.
+    run count as missed. ``calm`` is the total time outside all fault windows [s], during which
+    every alarm is false. ``false_alarms_interval`` is the confidence interval for the number of
+    false alarms per 1000 s.
     """
 
     def pooled(columns: Columns, name: str) -> Pooled:

@@ -1,4 +1,4 @@
-"""Define the computation, pooling, names and display of all scores in the table SCORES.
+"""Define all scores in the table SCORES: how to compute, pool, name and display them.
 
 Summaries, tables, reports, exports and the command `compare` use the table SCORES. Therefore one
 new entry in SCORES is enough to add a score.
@@ -52,18 +52,19 @@ class Score:
     kind : {"number", "integer", "truth", "text"}
         Type of the values in the column of the score.
     parts : mapping of str to str
-        Units of the parts of a score that consists of several numbers, keyed by name. Each part of
-        the score has its own column.
+        Unit of each part of a score that consists of several numbers, keyed by the name of the
+        part. Each part of the score has its own column.
     margin : float, optional
-        Largest relative change of the score that `compare` considers negligible. By default,
+        Largest relative change in the score that `compare` considers negligible. By default,
         `compare` ignores scores without a margin.
     zero : float
-        Lower limit of the score in ratios [unit of the score]. The command `compare` replaces
-        smaller scores by `zero` before ratios are computed.
+        Smallest score that is used in ratios [unit of the score]. The command `compare` replaces
+        smaller scores by `zero` before it computes ratios.
     guard : bool
-        Whether the score can be negative. Ratios of negative scores have no meaning, so `compare`
-        uses differences between absolute means, divided by the standard deviation of the base
-        estimator. For a score that can be negative, the command reports only an increase.
+        Whether the score can be negative. Ratios of scores that can be negative have no meaning, so
+        `compare` uses the difference between the absolute means, divided by the standard deviation
+        of the base estimator. For a score that can be negative, `compare` reports only an increase
+        in the absolute mean.
     shared : bool
         Whether the score is the same for all parameters of a run. A shared score is computed only
         once per run.
@@ -96,10 +97,11 @@ SCORES: Mapping[str, Score] = {
         Score(
             "lag",
             scores.lag_of,
-            "Sum of the relative errors, T Σ |θ̃|/D, over the 5 s after the fault, or until the "
-            "next event. T is the sampling period, and D is the size of the fault. If the "
-            "excitation is off when the fault occurs, the sum starts when the excitation returns. "
-            "The pooled lag is the geometric mean over the runs.",
+            "Absolute relative error, integrated over the 5 s after the fault or until the next "
+            "event: T Σ |θ̃|/D. T is the sampling period, θ̃ is the estimation error, and D is the "
+            "size of the fault. If the excitation is off when the fault occurs, the integration "
+            "starts when the excitation returns. The pooled lag is the geometric mean over the "
+            "runs.",
             unit="s",
             better="less",
             pool=pooling.geometric,
@@ -178,8 +180,8 @@ SCORES: Mapping[str, Score] = {
         Score(
             "excess",
             excess.excess_of,
-            "Relative increase of the mean squared prediction error, θ̃ᵀQθ̃/σ², due to the errors "
-            "of all estimated parameters before the fault. The excess error is the same for all "
+            "Relative increase in the mean squared prediction error before the fault, due to the "
+            "errors θ̃ of all estimated parameters: θ̃ᵀQθ̃/σ². The excess error is the same for all "
             "parameters and does not depend on units.",
             unit="",
             better="less",
@@ -225,8 +227,8 @@ SCORES: Mapping[str, Score] = {
         Score(
             "never_settled",
             scores.never_settled_of,
-            "Number of runs with an error of more than ±10 % of the size of the fault at the end "
-            "of the window. Diverged runs are not counted.",
+            "Number of runs in which the error at the end of the window exceeds ±10 % of the size "
+            "of the fault. Diverged runs are not counted.",
             better="less",
             pool=pooling.count_kept,
             heading="never settled",
@@ -241,8 +243,8 @@ SCORES: Mapping[str, Score] = {
             "score",
             bounds.score_of,
             "Lag on a logarithmic scale, from 0 for an estimator with constant estimates to 100 "
-            "at the Cramér–Rao bound `lag_bound`. The score is defined for step changes of "
-            "parameters if a model describes the axis.",
+            "at the Cramér–Rao bound `lag_bound`. The score is defined for step changes in "
+            "parameters if one of the models for estimators describes the axis.",
             unit="",
             better="more",
             pool=pooling.mean,
@@ -315,8 +317,8 @@ SCORES: Mapping[str, Score] = {
         Score(
             "tracking",
             lambda track, _: track.tracking,
-            "Tracking errors for the score `recovered`, and the number of samples at which the "
-            "feed-forward parameters were limited.",
+            "Tracking errors from which the score `recovered` is computed, and the number of "
+            "samples at which the feed-forward parameters were limited.",
             pool=pooling.parts(tracking_error.PARTS),
             parts=tracking_error.PARTS,
         ),
@@ -327,7 +329,7 @@ METRICS = {score.name: score.unit or "" for score in SCORES.values() if score.co
 """Units of all scores that `compare` can use, keyed by score."""
 
 MARGINS = {score.name: score.margin for score in SCORES.values() if score.margin is not None}
-"""Default margins of `compare`: largest negligible relative change of each score."""
+"""Default margins of `compare`: the largest negligible relative change in each score."""
 
 
 def rows(track: Track) -> list[dict[str, Any]]:

@@ -37,10 +37,10 @@ EDGE = 1e-6  # relative distance from a limit within which an estimate counts as
 def box(nominal: Array, truth: Array) -> tuple[Array, Array]:
     """Return the lower and upper plausibility limits (p,) of the estimates.
 
-    The limits are 0.1 and 10 × nominal for every estimator, even if an estimator has its own
-    bounds. If the smallest of the true values (N, p) reaches the lower limit, the lower limit is
-    replaced by this value minus nominal. If the largest true value reaches the upper limit, the
-    upper limit is replaced by this value plus 10 × nominal.
+    The limits are 0.1 and 10 times the nominal value for every estimator, even if an estimator has
+    its own bounds. If the smallest of the true values (N, p) reaches the lower limit, this value
+    minus the nominal value becomes the lower limit. If the largest true value reaches the upper
+    limit, this value plus 10 times the nominal value becomes the upper limit.
     """
     lower, upper = np.sort(np.outer(BOX, nominal), axis=0)
     low, high, room = truth.min(axis=0), truth.max(axis=0), abs(nominal)
@@ -51,9 +51,9 @@ def box(nominal: Array, truth: Array) -> tuple[Array, Array]:
 def loss(theta: Array, edges: tuple[Array, Array], period: float) -> int | None:
     """Return the index of the sample at which a run diverges, or None if the run does not diverge.
 
-    A run diverges if any of the estimates (N, p) is not finite, or is at or outside a plausibility
-    limit for more than 1 s. If an estimate remains at a limit, the function returns the sample at
-    which the estimate reached the limit.
+    A run diverges if any of the estimates (N, p) is not finite, or stays at or beyond a
+    plausibility limit for more than 1 s. If an estimate remains at a limit, the function returns
+    the sample at which the estimate reached the limit.
     """
     lower, upper = edges
     room = EDGE * np.minimum(abs(lower), abs(upper))
@@ -78,7 +78,7 @@ class Track:
     names : tuple of str
         Names of the estimated parameters, such as ``("k_T", "1/J_a", "f_m")``.
     theta : ndarray (N, p)
-        Estimates. The estimates θ[k] are computed from y[0] to y[k].
+        Estimates. The estimates θ[k] are computed from the outputs y[0] to y[k].
     true_parameters : ndarray (N, P)
         True physical parameters, in the order of `Scenario.parameter_names`.
     torque : ndarray (N,), optional
@@ -129,9 +129,9 @@ class Track:
     def lost(self) -> int | None:
         """Index of the sample at which the run diverges, or None if the run does not diverge.
 
-        A parameter of a nonlinear law has no lower limit, because the axis may lack the
-        nonlinearity. If `identify` does not contain the parameter of a nonlinear law, there is no
-        upper limit either.
+        A parameter of a nonlinear law has no lower limit, because zero is a valid estimate if the
+        axis lacks the nonlinearity. If `identify` does not contain the parameter of a nonlinear
+        law, there is no upper limit either.
         """
         law = [name in LAW_NAMES for name in self.names]
         besides = [name in LAW_NAMES and name not in self.scenario.identify for name in self.names]
@@ -140,7 +140,7 @@ class Track:
         return loss(self._judged(law), edges, self.scenario.period)
 
     def _judged(self, law: Sequence[bool]) -> Array:
-        """Return the estimates (N, p), but with true nonlinear-law parameters during burn-in.
+        """Return the estimates (N, p), with the true nonlinear-law parameters during burn-in.
 
         Estimators receive no initial values of nonlinear-law parameters, so any initial estimate of
         these parameters is allowed.
@@ -155,8 +155,8 @@ class Track:
         """Limited errors θ̃ (N, p), from which the scores are computed.
 
         After a run diverges, θ̂ is replaced by the limit that is farther from the true value.
-        Before a run diverges, errors are clipped to the distance of the farther limit. Therefore an
-        estimator cannot improve a score by diverging.
+        Before a run diverges, errors are clipped to the distance from the true value to the farther
+        limit. Therefore an estimator cannot improve a score by diverging.
         """
         lower, upper = self.box
         below, above = self.truth - lower, upper - self.truth
@@ -174,7 +174,7 @@ class Track:
 
     @cached_property
     def windows(self) -> list[Window]:
-        """The scored windows of all events, sorted by time."""
+        """The scored windows of all events, in chronological order."""
         return windows(self.scenario, self.names)
 
     @cached_property
@@ -193,7 +193,7 @@ class Track:
         return self.lost is not None and self.lost < last
 
     def windows_of(self, i: int) -> list[Window]:
-        """Return the scored windows after changes of the estimated parameter i."""
+        """Return the scored windows after changes in the estimated parameter i."""
         return [w for w in self.windows if w.parameter == physical(self.names[i])[0]]
 
     def relative(self, i: int) -> list[Array]:
@@ -248,7 +248,7 @@ def rms(values: Array) -> Any:
 
 
 def finite(value: float) -> float | None:
-    """Return a number if the number is finite, and None otherwise."""
+    """Return the value if it is finite, and None otherwise."""
     return float(value) if np.isfinite(value) else None
 
 
@@ -280,7 +280,7 @@ def never_settled_of(track: Track, i: int) -> bool | None:
 
 
 def std_of(track: Track, i: int) -> float | None:
-    """Return the rms error before the fault, without subtracting the mean [% of nominal]."""
+    """Return the rms error before the fault [% of nominal]; the mean is not subtracted."""
     return finite(rms(track.percent[track.quiet, i])) if track.quiet.size else None
 
 

@@ -42,7 +42,7 @@ class Case:
         Estimates at every tenth sample, divided by the nominal values.
     near : ndarray (W, p)
         Estimates at all samples around the first fault (`near_fault`), divided by the nominal
-        values. Without a fault, the array is empty (0, p).
+        values. Without a fault, the array has the shape (0, p).
     rows : list of dict
         Scores of the run, with one row for each parameter.
     theta : ndarray (N, p) or None
@@ -60,7 +60,7 @@ def scored(
     track: Track, *, identity: Mapping[str, Any], cost: Mapping[str, Any],
     written: Scenario | None = None,
 ) -> Case:  # fmt: skip
-    """Compute the scores of a run, and the trajectories for figures of the run.
+    """Compute the scores of a run, and its trajectories for figures.
 
     Parameters
     ----------
@@ -70,8 +70,8 @@ def scored(
         Columns that each row contains in addition to the scores. The columns of `identity` precede
         the scores, and `cost` is the last column.
     written : Scenario, optional
-        Scenario without a random onset. The trajectories of all runs are shifted to the fault onset
-        in `written`.
+        Scenario before its random onset is drawn. The trajectories of all runs are shifted to the
+        fault onset in `written`.
     """
     late = later(track.scenario, written or track.scenario)
     with np.errstate(over="ignore", invalid="ignore"):  # a diverged run may have any values
@@ -100,7 +100,7 @@ def pool_rows(rows: pd.DataFrame, scenario: Scenario) -> list[dict[str, Any]]:
     -------
     list of dict
         Pooled scores, as defined in `scoring.score_table.SCORES`, with one row per parameter. Each
-        row also contains ``scenario, parameter, changed`` and the number of ``seeds``.
+        row also contains ``scenario, parameter, changed`` and ``seeds`` (the number of seeds).
     """
     columns = {name: columns_of(own) for name, own in rows.groupby("parameter", sort=False)}
     shared = excess(columns, scenario)

@@ -14,21 +14,21 @@ from flexaxis.sim.simulate import tracked
 Array = NDArray[np.float64]
 
 COSTS = 0.2
-"""Smallest relative increase of the tracking error by a fault for which the score is defined."""
+"""Smallest fault-induced relative increase in the tracking error for which the score is defined."""
 
 PARTS: Mapping[str, str] = {
     "without_fault": "rad", "frozen": "rad", "told": "rad", "estimated": "rad", "limited": ""
 }  # fmt: skip
-"""Units of the results of the simulated control loops, keyed by result."""
+"""Units of the results from the simulated control loops, keyed by the name of the result."""
 
 
 def recovered_of(track: Track, i: int) -> float | None:
-    """Return the percentage of the fault-induced tracking error that estimates help to avoid."""
+    """Return the percentage of the fault-induced tracking error that is avoided with estimates."""
     return recovered(track.tracking, "estimated")
 
 
 def recovered_told_of(track: Track, i: int) -> float | None:
-    """Return the percentage of the fault-induced tracking error that true parameters avoid."""
+    """Return the percentage of the fault-induced tracking error avoided with true parameters."""
     return recovered(track.tracking, "told")
 
 
@@ -61,7 +61,7 @@ class TrueParameters:
         self._next: Iterator[Array] = iter([*truth[1:], truth[-1]])
 
     def step(self, u: float, y: float) -> Array:
-        """Return the true parameters."""
+        """Return the true parameters of the next sample."""
         return next(self._next)
 
 
@@ -71,7 +71,7 @@ def tracking(scenario: Scenario, seed: int, estimator: Any) -> Mapping[str, floa
     Parameters
     ----------
     scenario : Scenario
-        Scenario without a random onset.
+        Scenario before its random onset is drawn.
     seed : int
         Random seed of the fault onset and of the noise.
     estimator : Estimator
@@ -81,10 +81,10 @@ def tracking(scenario: Scenario, seed: int, estimator: Any) -> Mapping[str, floa
     -------
     mapping of str to float, or None
         ``frozen``, ``told`` and ``estimated`` are the rms tracking errors with the fault, for a
-        controller with nominal, true or estimated parameters [rad]. ``without_fault`` is the rms
-        tracking error without the fault [rad]. ``limited`` is the number of samples at which the
-        estimates were limited. The function returns None if the scenario has no adaptive
-        feed-forward or no fault.
+        controller that uses the nominal, true or estimated parameters, respectively [rad].
+        ``without_fault`` is the rms tracking error without the fault [rad]. ``limited`` is the
+        number of samples at which the estimates were limited. The function returns None if the
+        scenario has no adaptive feed-forward or no fault.
     """
     if scenario.controller.adapt is None or not scenario.fault:
         return None

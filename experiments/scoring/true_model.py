@@ -33,7 +33,7 @@ STIFF = 1e5  # bristle stiffness for Coulomb friction [N m/rad]; 1e4 changes a b
 
 @dataclass(frozen=True)
 class Described:
-    """Nonlinear law of the estimators' models that describes one scenario table.
+    """Nonlinear law in the estimators' models that represents one table of a scenario.
 
     Attributes
     ----------
@@ -81,14 +81,14 @@ DESCRIBED: Mapping[str, Described] = {
     ),
     "saturation": Described(LIMIT, lambda table: {"torque_limit": table.torque}),
 }
-"""Nonlinear laws in the estimators' models that describe scenario tables, keyed by table name."""
+"""Nonlinear laws that represent scenario tables in the estimators' models, keyed by table name."""
 
 DRY = ("friction", "lugre", "static_friction", "gear_friction")
 """Names of the scenario tables with dry friction; a model can describe only one of them."""
 
 
 def describes(scenario: Scenario) -> bool:
-    """Return whether a model with true parameters describes the records of a scenario exactly."""
+    """Return whether a model with the true parameters describes a scenario's records exactly."""
     tables = scenario.tables
     known = has_model(scenario) and all(t.exact or key in DESCRIBED for key, t in tables.items())
     return known and sum(key in tables for key in DRY) <= 1
@@ -100,12 +100,12 @@ def reads_encoder(scenario: Scenario) -> bool:
 
 
 def linear_model(scenario: Scenario, values: Mapping[str, float]) -> Model:
-    """Return the linear model of an axis with the output signal that predictors use."""
+    """Return the linear model of an axis, with the output signal that predictors use."""
     return SIGNALS[scenario.output].predicted(axis_model(scenario, values), scenario.period)
 
 
 def true_model(scenario: Scenario, parameters: Array) -> Model:
-    """Return the axis model with its nonlinear laws; the output is a speed or an encoder angle."""
+    """Return the axis model with its nonlinear laws; its output is a speed or an encoder angle."""
     laws: list[Law] = []
     for part in _described(scenario).values():
         laws += [law for law in (part.law, *part.beside) if law not in laws]
@@ -131,17 +131,17 @@ def model_theta(scenario: Scenario, names: Sequence[str], parameters: Array) -> 
 
 
 def tracked(scenario: Scenario, names: Sequence[str]) -> tuple[str, ...]:
-    """Return the names of all unknown parameters after a jump, including Coulomb friction f_c."""
+    """Return the names of all parameters unknown after a jump, including Coulomb friction f_c."""
     return (*names, *(name for name in ("f_c",) if name in scenario.laws and name not in names))
 
 
 def untold(scenario: Scenario, names: Sequence[str]) -> dict[str, float]:
     """Return the prior relative errors of all parameters that estimators do not know exactly.
 
-    The result does not contain the parameters in `names`. A prior error is a standard deviation
-    divided by the parameter. For parameters that estimators know with an error, the prior error is
-    the rms relative error of all known values. For other parameters of nonlinear laws, the prior
-    error has the default value `PRIOR`.
+    The result does not contain the parameters in `names`. A prior error is the prior standard
+    deviation of a parameter divided by its value. For parameters that estimators know with an
+    error, the prior error is the rms relative error of all known values. For other parameters of
+    nonlinear laws, the prior error has the default value `PRIOR`.
     """
     model, factors = true_model(scenario, scenario.unchanged), scenario.known_factors
     error = float(np.sqrt(np.mean(np.square(np.log([1.0, *factors.values()])))))
@@ -152,7 +152,7 @@ def untold(scenario: Scenario, names: Sequence[str]) -> dict[str, float]:
 
 
 def sizes(scenario: Scenario, names: Sequence[str], theta: Array) -> Array:
-    """Return the scale of each parameter in θ (p,), relative to which its prior is defined.
+    """Return the scales of the parameters (p,), by which prior standard deviations are divided.
 
     The scale of a parameter is its value in `theta`. If the value is zero, the scale is the initial
     value of the parameter. If a cogging coefficient is zero, its scale is the initial cogging
@@ -173,7 +173,7 @@ def _described(scenario: Scenario) -> dict[str, Described]:
 
 
 FINER = 2
-"""Factor by which the model uses more integration steps per sample than estimators with laws.
+"""Number of integration steps per sample, relative to estimators with nonlinear laws.
 
 With twice as many steps as in the estimators, the errors of the bounds are at most 3 % in tests.
 Coulomb friction is an exception, because it is almost discontinuous. The lag bound for Coulomb
@@ -192,8 +192,8 @@ def jump_gradient(
     """
     Return the predictor gradient ψ₀ (N, p) at the first N samples after a jump.
 
-    The state at the jump does not depend on the new θ, so the sensitivities start at zero. As a
-    result, the data provide information more slowly than in steady state.
+    The state at the jump does not depend on the new θ, so the sensitivities of the state to θ start
+    at zero. As a result, the data provide information about θ more slowly than in steady state.
 
     Parameters
     ----------

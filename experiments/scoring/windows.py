@@ -18,7 +18,7 @@ KEPT = 256  # number of results that a cached function keeps
 
 
 def remembered(function: Function, by: str = "hash") -> Function:
-    """Return a function of a scenario that caches results, keyed by a hash of the scenario."""
+    """Return a version of `function` that caches its results, keyed by a hash of the scenario."""
     results: dict[Any, Any] = {}
 
     @wraps(function)
@@ -40,7 +40,7 @@ QUIET_WITHOUT_FAULT = 10.0  # time at the end of a run without a fault, for std 
 
 @dataclass(frozen=True)
 class Window:
-    """The scored samples `start` to `stop` − 1 after the change of one parameter.
+    """The scored samples after a change in one parameter, from `start` to `stop` − 1.
 
     `D` is the size of the fault, |θ_after − θ_before|, in the unit of the estimated parameter.
     """
@@ -52,13 +52,13 @@ class Window:
 
 
 def windows(scenario: Scenario, names: Sequence[str]) -> list[Window]:
-    """Return the scored windows of all events, sorted by time.
+    """Return the scored windows of all events, in chronological order.
 
     A window starts at the fault. If the excitation pauses when the fault occurs, the window starts
     when the excitation returns. A window ends after 5 s, at the next event, or at the end of the
-    record. Several changes of a parameter during one pause have a common window, and `D` is the
-    size of the total change. If the parameter is not estimated, `D` is NaN, and the window is used
-    only for the cross-talk of other parameters.
+    record. Several changes in a parameter during one pause share a window, and `D` is the size of
+    the total change. If the parameter is not estimated, `D` is NaN, and the window is used only for
+    the cross-talk of other parameters.
     """
     return list(_windows(scenario, tuple(names)))
 
