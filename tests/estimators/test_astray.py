@@ -7,6 +7,9 @@ import pytest
 from acceptance.axes import AXES, simulate, theta_of
 from acceptance.measures import make
 
+from flexaxis.estimators.filters.fault_monitor import check_residual
+from flexaxis.estimators.filters.state import PATIENCE
+
 COUNT = 2 * np.pi / 2048 / 0.005  # rad/s, by which the speed of a coarse encoder steps
 TRUTH = theta_of(AXES["n1"])
 FAILS, HEALS, END = 2000, 4000, 9000  # samples
@@ -110,3 +113,15 @@ def test_what_forgets_goes_on_where_its_model_lacks_what_has_changed(name):
     left = estimator.innovations[4000:, 0]
     assert np.mean(left**2) > 0.05 * np.mean(softer.y[4000:] ** 2)
     assert believed(estimator).all()
+
+
+def test_the_waiting_time_before_a_reset_doubles():
+    names = ("signal", "prediction", "noise", "judged", "last_left", "gone")
+    state = dict.fromkeys(names, 1.0) | {"astray_memory": 50.0, "patience": PATIENCE}
+    waits = []
+    for _ in range(3):
+        state |= {"judged": 0.0, "gone": 0.0, "anew": 0.0, "squares": np.zeros(3)}
+        while not state["anew"]:
+            check_residual(state, 1.0, 1.0)
+        waits.append(state["gone"] / 50)
+    assert waits == [PATIENCE, 2 * PATIENCE, 4 * PATIENCE]

@@ -54,6 +54,8 @@ def test_deviations_are_those_of_repeated_experiments(nominal, simulated):
 def test_says_so_in_a_local_minimum(nominal, loop):
     result = identified(nominal, loop, 0.7, max_evaluations=30)
     assert "local minimum" in " ".join(result.warnings)
+    early = identified(nominal, loop, max_evaluations=1).warnings
+    assert "did not converge in 1 " in early[0]
 
 
 def test_names_the_scale_that_the_data_leave_open(nominal, loop):

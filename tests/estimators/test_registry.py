@@ -16,6 +16,8 @@ from flexaxis.estimators.offline.priors import (
 )
 from flexaxis.estimators.protocol import Estimator
 
+NAMES = ("k_T", "1/J_a", "f_m")
+
 
 def test_defaults_are_plausible():
     """Forgetting factors are below one; the mean time constant is that of the parameters."""
@@ -29,13 +31,11 @@ def test_defaults_are_plausible():
 def test_every_entry_makes_an_estimator(nominal, name):
     entry = registry.REGISTRY[name]
     off = {**nominal, "f_m": 0.06}
-    made = entry.factory(
-        off, 0.005, identify=("k_T", "1/J_a", "f_m"), output="speed", **entry.options
-    )
+    made = entry.factory(off, 0.005, identify=NAMES, output="speed", **entry.options)
     assert isinstance(made, Estimator)
     assert entry.name == name
     assert entry.turning is None or entry.turning.name in entry.options
-    assert made.names[:3] == ("k_T", "1/J_a", "f_m")  # and what it tracks besides
+    assert made.names[:3] == NAMES  # and what it tracks besides
     np.testing.assert_allclose(made.theta[:3], [1.0, 1.25, 0.06])  # θ(0) is what it was given
 
 
@@ -65,12 +65,12 @@ def test_the_paper_s_drift_is_that_of_its_axis_at_any_start(nominal):
 @pytest.mark.parametrize(
     ("changes", "period", "identify", "known"),
     [
-        ({}, 0.005, ("k_T", "1/J_a", "f_m"), True),
+        ({}, 0.005, NAMES, True),
         ({"k_T": 1.2, "J_a": 0.8 / 1.2, "f_m": 0.06}, 0.005, ("f_m", "k_T", "1/J_a"), True),
-        ({}, 0.002, ("k_T", "1/J_a", "f_m"), False),
+        ({}, 0.002, NAMES, False),
         ({}, 0.005, ("k_T", "J_a", "f_m"), False),
-        ({"k_a": 8.5e3}, 0.005, ("k_T", "1/J_a", "f_m"), False),
-        ({"f_m": 50.0}, 0.005, ("k_T", "1/J_a", "f_m"), False),  # as in mN m s/rad
+        ({"k_a": 8.5e3}, 0.005, NAMES, False),
+        ({"f_m": 50.0}, 0.005, NAMES, False),  # as in mN m s/rad
     ],
 )
 def test_stored_P_is_of_its_axis_alone(nominal, changes, period, identify, known):
@@ -109,9 +109,9 @@ def test_a_memory_far_shorter_than_the_axis_s_own_is_said(nominal):
 def test_recipe_gives_the_published_data(nominal, loop):
     model = three_mass(nominal)
     given = nominal_P(model, loop.u[:8000], period=0.005)
-    np.testing.assert_allclose(given, known_P(("k_T", "1/J_a", "f_m"), forgetting=0.995), rtol=0.03)
+    np.testing.assert_allclose(given, known_P(NAMES, forgetting=0.995), rtol=0.03)
     given = nominal_P(model, loop.u[:8000], drift=[5e-8, 50e-8, 500e-8], period=0.005)
-    np.testing.assert_allclose(given, known_P(("k_T", "1/J_a", "f_m"), forgetting=None), rtol=0.03)
+    np.testing.assert_allclose(given, known_P(NAMES, forgetting=None), rtol=0.03)
     with pytest.raises(EstimatorError, match=r"torque is \[\]; give the torque of a run"):
         nominal_P(model, [], period=0.005)
 
@@ -120,7 +120,7 @@ def test_recipe_gives_the_published_data(nominal, loop):
     "options", [{"regularization": 0.3}, {"drift": [5e-8, 50e-8, 500e-8]}, {"forgetting": 0.99}]
 )
 def test_recipe_is_the_paper_word_for_word(nominal, loop, options):
-    model = three_mass(nominal).parametrize(["k_T", "1/J_a", "f_m"])
+    model = three_mass(nominal).parametrize(NAMES)
     gradients, kept = predict(model, model.theta, loop.u[:401], period=0.005)[1], []
     Q, drift = np.mean(gradients**2, axis=0), np.array(options.get("drift", np.zeros(3)))
     forgotten = 1 - options.get("forgetting", 0.995)

@@ -95,24 +95,28 @@ def test_outliers_are_named_and_hide_other_checks(by, clean, tmp_path):
 @pytest.mark.parametrize("kind", ["impacts", "coarse", "rest", "wrapped", "noise"])
 def test_no_axis_that_moves_has_outliers(kind, clean):
     """Bounces off an end stop, few counts, seldom a move, sawtooth, and noise alone."""
-    t, rng = np.arange(20_000) * T, np.random.default_rng(0)
+    t = np.arange(20_000) * T
     motion = {
         "impacts": np.abs(np.sin(t)) * 10,
         "coarse": np.round(20 * clean["angle"]),
         "rest": np.where(np.abs(t - 10) < 0.08, np.cos((t - 10) * 60), np.cos(0.08 * 60)),
         "wrapped": (30 * t) % (2 * np.pi),
-        "noise": rng.standard_normal(len(t)),
+        "noise": np.random.default_rng(0).standard_normal(len(t)),
     }
     assert not outliers(unwrapped(motion[kind])[0]).any()
+
+
+WHITE = np.random.default_rng(0).standard_normal(5000)
+NOISY = shaken(5.0) + 0.01 * WHITE
 
 
 @pytest.mark.parametrize(
     ("torque", "column", "kind"),
     [
-        (np.repeat(np.random.default_rng(0).standard_normal(500), 4), "iq_meas", "held"),
-        (np.sign(np.random.default_rng(0).standard_normal(2000)), "iq_meas", "held"),
-        (shaken(5.0) + 0.01 * np.random.default_rng(0).standard_normal(5000), "iq_act", "smooth"),
-        (shaken(5.0) + 0.01 * np.random.default_rng(0).standard_normal(5000), "iq_ref", "held"),
+        (np.repeat(WHITE[:500], 4), "iq_meas", "held"),
+        (np.sign(WHITE), "iq_meas", "held"),
+        (NOISY, "iq_act", "smooth"),
+        (NOISY, "iq_ref", "held"),
     ],
 )
 def test_the_kind_of_a_torque_by_its_shape_and_else_by_its_name(torque, column, kind, tmp_path):
@@ -159,7 +163,7 @@ def test_a_signal_of_a_slower_clock_or_interpolated(clean, tmp_path):
 
 
 def test_of_an_interpolated_log_the_samples_are_taken(tmp_path):
-    u = np.repeat(shaken(), 1)
+    u = shaken()
     angle = moved(u)
     k = np.arange(4 * len(u) - 3)
     lines = {n: np.interp(k, k[::4], x) for n, x in log(u, angle).items()}

@@ -156,9 +156,8 @@ def test_a_deviation_is_about_the_common_mean_and_a_grown_bias_is_worse():
     base, candidate = side(), side(bias=-0.6)
     found = compared(base, candidate)
     std, bias = row(found, "std"), row(found, "bias")
-    about = [np.sqrt(r["std"] ** 2 - 2 * m * r["bias"] + m**2)
-             for rows in (candidate,) for m in [np.mean([r["bias"] for r in rows])]
-             for r in rows]  # fmt: skip
+    mean = np.mean([r["bias"] for r in candidate])
+    about = [np.sqrt(r["std"] ** 2 - 2 * mean * r["bias"] + mean**2) for r in candidate]
     assert std["candidate"] == pytest.approx(stats.gmean(about)) and std["verdict"] == "same"
     before, after = (abs(np.mean([r["bias"] for r in rows])) for rows in (base, candidate))
     assert bias["verdict"] == found.verdict == "worse"
