@@ -84,7 +84,7 @@ REFUSALS = [
     ({"output": "sped"}, "unknown output 'sped': did you mean 'speed'"),
     ({"forgetting": 0.0}, r"forgetting is 0.0, but the factor λ must lie in \(0, 1\]"),
     ({"forgetting": 1.01}, "forgetting is 1.01"),
-    ({"forgetting": 0.99, "drift": DRIFT}, "both given"),
+    ({"forgetting": 0.99, "drift": DRIFT}, "not both"),
     ({"drift": -DRIFT}, "drift must be symmetric positive definite"),
     ({"P0": [1.0, 1.0]}, r"P0 has the shape \(2,\)"),
     ({"P0": [[1, 2, 0], [2, 1, 0], [0, 0, 1]]}, "P0 must be symmetric positive definite"),
