@@ -56,7 +56,7 @@ class Parser(argparse.ArgumentParser):
         """Print an error message that suggests a similar known word, and exit."""
         if wrong := re.search(r"invalid choice: '?([^' ]*)'? \(choose from (.*)\)", message):
             hint = did_you_mean(wrong[1], re.findall(r"[\w.-]+", wrong[2]))
-            message = f"unknown {wrong[1]!r}.{hint or f' Known are {wrong[2]}.'}"
+            message = f"unknown {wrong[1]!r}.{hint or f' Choose from {wrong[2]}.'}"
         self.exit(WRONG_USE, f"{self.prog}: {message} See {self.prog} --help.\n")
 
 

@@ -20,7 +20,7 @@ class OutputError(FlexaxisError):
 
 
 class StudyError(FlexaxisError):
-    """Error if a study is invalid or cannot continue, with one line for each problem."""
+    """Error if a study is invalid or cannot continue. The message has one line for each problem."""
 
 
 class NotRun(FlexaxisError):
@@ -29,7 +29,7 @@ class NotRun(FlexaxisError):
 
 @contextmanager
 def writing(path: Path) -> Iterator[None]:
-    """Replace an `OSError` by an `OutputError` that names the file, the reason and a remedy."""
+    """Convert an `OSError` to an `OutputError` that names the file, the reason and a remedy."""
     try:
         yield
     except OSError as error:
@@ -56,7 +56,7 @@ def new_file(path: Path) -> Iterator[Path]:
     Raises
     ------
     OutputError
-        If the file cannot be written. After the error, an existing file at this path is unchanged.
+        If the file cannot be written. In this case, an existing file at this path stays unchanged.
     """
     with writing(path), atomic(path) as part:
         yield part
@@ -112,7 +112,7 @@ def check_not_input(inputs: Iterable[PathLike], *outputs: PathLike) -> None:
 
 
 def check_file(path: Path) -> None:
-    """Raise an `OutputError` with a suggested name if a file or folder does not exist."""
+    """If a file or folder does not exist, raise an `OutputError` that suggests a similar name."""
     if not path.exists():
         near = did_you_mean(path.name, [file.name for file in path.parent.glob("*")])
         raise OutputError(f"{path} cannot be read: no such file or folder.{near}")

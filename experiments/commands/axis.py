@@ -21,7 +21,7 @@ def _target(args: Args, default: str, *inputs: Any) -> Path:
 
 
 def _saved(args: Args, result: Any, path: Path) -> int:
-    """Save and print a result with its report, and return the exit status of the command."""
+    """Save a result and its report, print the result, and return the exit status of the command."""
     page = result.save(path)
     content = result.content | {"path": path, "report": page}
     return answer(args, content, result.status, result, path, f"report: {page}")
@@ -33,8 +33,7 @@ def import_(args: Args) -> int:
 
     LOG is a text table, or a file in MAT (all versions), HDF5 or NetCDF format. The command checks
     time stamps, gaps, angle wrapping, clipping, update rates, units, outliers, the type of the
-    torque signal, and signs. For each problem, the command prints an option that solves the
-    problem.
+    torque signal, and signs. For each problem, the command prints an option that solves it.
 
     example:
       flexaxis import log.csv --torque current --angle motor_pos --unit angle=deg -o rec.nc
@@ -53,14 +52,14 @@ def identify(args: Args) -> int:
 
     The command adds dry friction, gravity and similar effects to the model if these effects improve
     the simulation of held-out log segments. The log of a single axis determines all parameters only
-    relative to k_T. Therefore the command does not identify k_T and the gear ratio r, unless you
+    relative to k_T. Therefore the command identifies neither k_T nor the gear ratio r, unless you
     use --free. The exit status is 1 if the estimates are less accurate than their standard
     deviations indicate, else 0.
 
-    For a folder, the command reads all logs in the order of their names, and writes a CSV file with
-    one row of estimates per log. The report shows the effects of covariates, and all parameter
-    changes. For a folder, the exit status is 1 if a parameter changed, or if the command could not
-    use one of the logs.
+    For a folder, the command reads all logs, sorted by file name, and writes a CSV file with one
+    row of estimates per log. The report shows the effects of the covariates (--covariate), and all
+    parameter changes. For a folder, the exit status is 1 if a parameter changed, or if the command
+    could not use one of the logs.
 
     MODEL is one_mass, two_mass, three_mass, or the path of your own TOML file (docs/logs.md).
 

@@ -16,8 +16,8 @@ def compare(args: Args) -> int:
 
     Both estimators run on the same records, and the command compares their scores for each seed. If
     you name the folders of two finished runs, the command compares the scores for all seeds that
-    both runs contain. The two runs must have the same scenarios and versions. The page docs/gate.md
-    explains the statistics.
+    both runs contain. Both runs must have used the same scenarios and software versions. The page
+    docs/gate.md explains the statistics.
 
     With --match-std, the command tunes both estimators to the noise of rpem-forgetting, and
     compares only their lags. With --match-std, both estimators need a tuning parameter
@@ -94,7 +94,9 @@ def tune(args: Args) -> int:
     if args.sweep:
         table.plot().savefig(figure := folder / "sweep.svg")
         return answer(args, table.content | {"figure": figure}, 0, table, f"figure: {figure}")
-    match = "{setting} is as noisy as rpem-forgetting: the ratio of {match} scores is {ratio:.3f}."
+    match = (
+        "{setting} is as noisy as rpem-forgetting: their {match} scores have the ratio {ratio:.3f}."
+    )
     rows = table.to_dict("records")
     lines = [("{estimator} is not tuned: {problem}" if row["problem"] else match).format(**row)
              for row in rows]  # fmt: skip
@@ -103,7 +105,7 @@ def tune(args: Args) -> int:
 
 @command("estimator")
 def check(args: Args) -> int:
-    """Check an estimator against the rules for valid scores.
+    """Check whether an estimator follows the rules that are necessary for valid scores.
 
     The rules concern array shapes, finite numbers, the agreement of `step` and `run`, causality,
     data gaps and other properties. For each broken rule, the command prints the reason for the rule
@@ -131,8 +133,8 @@ def new(args: Args) -> int:
     """Write a template for your own estimator. The template is already a working estimator.
 
     In Python, the template is a class. In C and GNU Octave, the template is a program that
-    communicates through a pipe. The page docs/pipes.md describes the protocol of the pipe, which
-    you can use in any language.
+    communicates through a pipe. The page docs/pipes.md describes the pipe protocol, which works
+    with any programming language.
 
     example:
       flexaxis new my_estimator.py

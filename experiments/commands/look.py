@@ -40,7 +40,7 @@ def list_(args: Args) -> int:
     lines = [f"{name:<{width}} {' '.join(middle):<6} {text}" for name, *middle, text in rows]
     lines = lines or [f"no entry contains {args.find!r}"]
     if len(lines) > MOST and not args.all:
-        lines[MOST:] = [f"… {len(lines) - MOST} more: add --all"]
+        lines[MOST:] = [f"… {len(lines) - MOST} more lines: add --all to print them"]
     return answer(args, content, 0, *lines)
 
 
@@ -65,10 +65,11 @@ def demo(args: Args) -> int:
     """Inject faults into a live axis in the browser, and watch which estimator detects them first.
 
     Estimator A is the method of Östring and Gunnarsson, and estimator B is the recommended
-    estimator. Press the button "motor friction f_m × 2". After a fault, the diagram on the right
-    shows the estimation errors of A and B, and the theoretical lower limit of the error. You can
-    pause the axis, simulate single steps, and choose other estimators. You can also change the
-    forgetting factor λ, the drift Δ, the regularisation μ, the noise and the dry friction.
+    estimator. Press the button "motor friction f_m × 2" to inject a fault. After a fault, the
+    diagram on the right shows the estimation errors of A and B, and the theoretical lower limit of
+    the error. You can pause the axis, simulate single steps, and choose other estimators. You can
+    also change the forgetting factor λ, the drift Δ, the regularisation μ, the noise and the dry
+    friction.
 
     The demo page needs no network, and opens only on this computer. The page docs/demo.md explains
     how to show the demo to a class.
@@ -87,7 +88,7 @@ def demo(args: Args) -> int:
 
 @command("-o")
 def paper(args: Args) -> int:
-    """Reproduce the figures of Östring and Gunnarsson's paper, and check the claims of that paper.
+    """Reproduce the figures of Östring and Gunnarsson's paper, and check the paper's claims.
 
     The paper is "Recursive identification of physical parameters in a flexible robot arm" by
     Östring and Gunnarsson. The command writes index.html, claims.json, and fig3 to fig9 (.svg,

@@ -50,8 +50,9 @@ NUMBER, WHOLE, ZERO = {"type": float}, {"type": int}, {"type": int, "default": 0
 NAMES = "Names of suites or scenarios from `flexaxis list`, or paths of TOML files"
 ESTIMATOR = (
     "Name of an estimator from `flexaxis list estimators`, optionally with settings, such as "
-    "ekf[walk=0.1]. For your own estimator, write file.py:Class, module:Class or pipe:COMMAND"
+    "ekf[walk=0.1]"
 )
+OWN = "For your own estimator, give file.py:Class, module:Class or pipe:COMMAND."
 
 OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "-q": "Print only results and errors (default: also print progress messages).",
@@ -60,7 +61,7 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     # inputs
     "names SUITE|SCENARIO": (f"{NAMES} (required if you do not use --from).", {"nargs": "*"}),
     "compare: names SUITE|SCENARIO|RUN": (
-        f"{NAMES} (default: the suite gate). To compare two finished runs, write the paths of "
+        f"{NAMES} (default: the suite 'gate'). To compare two finished runs, give the paths of "
         "their results folders.", {"nargs": "*"},
     ),
     "scenario SCENARIO": "Name of a scenario, or path of a scenario file (TOML).",
@@ -75,7 +76,7 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "record RECORD.nc": ("Record file that `flexaxis simulate` or `flexaxis import` wrote.", PATH),
     "folder DIR": ("Folder with the results of a run or a study.", PATH),
     "path FILE.py|c|m": ("File to write, in Python (.py), C (.c) or GNU Octave (.m).", PATH),
-    "estimator ESTIMATOR": f"{ESTIMATOR}.",
+    "estimator ESTIMATOR": f"{ESTIMATOR}. {OWN}",
     "estimators ESTIMATOR": (
         "Estimators to tune (default: all registered estimators with a tuning parameter).",
         {"nargs": "*"},
@@ -88,23 +89,24 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
         {"nargs": "?", **PATH},
     ),
     # which runs
-    "--estimator E": (f"{ESTIMATOR}. Repeat the option for several estimators (default: the "
-                      "estimators of the suite).", SEVERAL),
-    "estimate: --estimator E": (f"{ESTIMATOR} (default: %(default)s).",
+    "--estimator E": (f"{ESTIMATOR} (default: the estimators of the suite). {OWN} Repeat the "
+                      "option for several estimators.", SEVERAL),
+    "estimate: --estimator E": (f"{ESTIMATOR} (default: %(default)s). {OWN}",
                                 {"default": "rpem-forgetting"}),
-    "track: --estimator E": f"{ESTIMATOR} (default: ekf, or glr for an axis with dry friction).",
-    "demo: --estimator E": (f"{ESTIMATOR}. Write the option twice, once for each of the two "
-                            "estimators (default: the estimators of the lesson, or rpem-forgetting "
-                            "and glr).", SEVERAL),
-    "--base E": "Reference estimator of the comparison, such as old.py:Mine.",
+    "track: --estimator E": f"{ESTIMATOR} (default: ekf, or glr for an axis with dry friction). "
+    f"{OWN}",
+    "demo: --estimator E": (f"{ESTIMATOR} (default: the estimators of the lesson, or "
+                            f"rpem-forgetting and glr). {OWN} Give the option twice, once for each "
+                            "of the two estimators.", SEVERAL),
+    "--base E": "Reference estimator for the comparison, such as old.py:Mine.",
     "--candidate E": "Estimator to compare with the base estimator, such as new.py:Mine.",
-    "--seeds N|A:B": "Random seeds, either N seeds starting at 1000, or the seeds A to B-1. Use "
-    "the seeds 0 to 99 for tuning, and the seeds 1000 to 4999 for results (default: the number of "
-    "seeds that the suite specifies, or 8 seeds for single scenarios).",
-    "compare: --seeds N|A:B": "Random seeds, either N seeds starting at 1000, or the seeds A to "
-    "B-1 (default: the number of seeds that the suite specifies, 32 seeds for single scenarios, or "
-    "the common seeds of two finished runs).",
-    "tune: --seeds N|A:B": "Random seeds, either N seeds starting at 1000, or the seeds A to B-1 "
+    "--seeds N|A:B": "Random seeds: either N seeds starting at 1000, or the seeds A to B-1 "
+    "(default: as many seeds as the suite specifies, or 8 seeds for single scenarios). Use the "
+    "seeds 0 to 99 for tuning, and the seeds 1000 to 4999 for results.",
+    "compare: --seeds N|A:B": "Random seeds: either N seeds starting at 1000, or the seeds A to "
+    "B-1 (default: as many seeds as the suite specifies, 32 seeds for single scenarios, or all "
+    "seeds that two finished runs have in common).",
+    "tune: --seeds N|A:B": "Random seeds: either N seeds starting at 1000, or the seeds A to B-1 "
     "(default: 0:16).",
     "--sample N": ("Repeat only N runs, evenly spaced among all runs (default: repeat all runs).",
                    ZERO),
@@ -117,16 +119,16 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
                  {"type": int, "default": os.cpu_count() or 1}),
     "--dask ADDRESS": "Address of a Dask scheduler, which distributes the runs over a cluster "
     "(default: use only this computer).",
-    "--shard I/N": ("Divide the runs into N shards, and execute only shard I. The command "
-                    "`flexaxis run --from` merges finished shards (default: 1/1).",
+    "--shard I/N": ("Divide the runs into N shards, and execute only shard I (default: 1/1). The "
+                    "command `flexaxis run --from` merges finished shards.",
                     {"type": part, "default": (1, 1)}),
-    "--from DIR": ("Folders of finished shards. The command merges the shards in the output "
-                   "folder, and runs no estimators (default: no folder).",
+    "--from DIR": ("Folders of finished shards to merge into the output folder (default: no "
+                   "folder). With this option, the command runs no estimators.",
                    {"dest": "shards", "nargs": "+", **PATH}),
     "--overwrite": "Delete the old results in the output folder first (default: keep the old "
     "results, and add only missing runs).",
     "--time-limit S": ("Time limit for one run of your own estimator [s] (default: 600).", NUMBER),
-    "--dry-run": "Print the planned variants, the estimated time and the disk space, but run no "
+    "--dry-run": "Print the planned variants and the estimated time and disk space, but run no "
     "estimator (default: run the study).",
     # what to list
     "--group GROUP": ("List only one group of scenarios, such as steps (default: all groups).",
@@ -135,19 +137,19 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
                     {"default": ""}),
     "--all": "Print all lines of the list (default: print at most 60 lines).",
     # how to judge
-    "--max-seeds N": ("Maximum number of seeds. The command adds seeds while the verdict is "
-                      "undecided (default: add no seeds).", ZERO),
+    "--max-seeds N": ("Add seeds while the verdict is undecided, up to N seeds in total (default: "
+                      "add no seeds).", ZERO),
     "--margin SCORE=%[,…]": (
-        "Largest negligible relative change of a score. SCORE is lag, std, t10, std_after, "
-        "cross_talk or excess (default: lag=2%%,std=2%%).", {"default": ""},
+        "Largest negligible relative change of a score (default: lag=2%%,std=2%%). SCORE is lag, "
+        "std, t10, std_after, cross_talk or excess.", {"default": ""},
     ),
     "--match-std": "Tune both estimators to the same noise, and compare only the lag (default: "
     "compare the estimators without tuning).",
     "--strict": "Use exit status 3 for every undecided verdict (default: only if runs of the "
     "candidate are missing, failed or diverged).",
-    "--sweep SCENARIO": ("Run each estimator with several settings on this scenario, and do not "
-                         "tune the estimators. Repeat the option for several scenarios (default: "
-                         "no sweep).", SEVERAL),
+    "--sweep SCENARIO": ("Run each estimator with several settings on this scenario instead of "
+                         "tuning the estimator (default: no sweep). Repeat the option for several "
+                         "scenarios.", SEVERAL),
     "--save FILE.toml": ("Write the tuned settings to this file (default: only print the "
                          "settings).", PATH),
     # logs of a real axis
@@ -155,14 +157,14 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
                       "file (default: %(default)s).", {"default": "two_mass"}),
     "track: --model AXIS.toml": ("Axis file that `flexaxis identify` wrote.",
                                  {"required": True}),
-    "--free PARAMETER": ("Identify only this parameter. Repeat the option for several parameters "
-                         "(default: all parameters that the log determines).", SEVERAL),
-    "--fix PARAMETER[=VALUE]": ("Hold this parameter constant at VALUE [SI]. Without VALUE, hold "
-                                "the parameter at its start value. Repeat the option for several "
-                                "parameters (default: hold no parameter).", VALUES),
-    "identify: --start PARAMETER=VALUE": ("Start value of a parameter for the search [SI]. Repeat "
-                                          "the option for several parameters (default: estimate "
-                                          "the start values from the log).", VALUES),
+    "--free PARAMETER": ("Identify only this parameter (default: all parameters that the log "
+                         "determines). Repeat the option for several parameters.", SEVERAL),
+    "--fix PARAMETER[=VALUE]": ("Hold this parameter constant at VALUE [SI] (default: hold no "
+                                "parameter). Without VALUE, hold the parameter at its start value. "
+                                "Repeat the option for several parameters.", VALUES),
+    "identify: --start PARAMETER=VALUE": ("Start value of a parameter for the search [SI] "
+                                          "(default: estimated from the log). Repeat the option "
+                                          "for several parameters.", VALUES),
     "track: --start F": ("Ratio of the initial estimate to the identified value, for convergence "
                          "tests (default: 1).", {"type": float, "default": 1.0}),
     "--delay S": ("Known torque delay [s] (default: identify the delay from the log).", NUMBER),
@@ -170,8 +172,8 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
         "Dry friction model of the motor: none, coulomb or stribeck (default: auto, which "
         "chooses the model that best simulates held-out segments of the log).", {"default": "auto"},
     ),
-    "--gravity LAW": ("Gravity model: none, or sine for a sum of the sine and cosine of the "
-                      "angle (default: auto, which chooses sine if the log contains gravity).",
+    "--gravity LAW": ("Gravity model: none, or sine, a weighted sum of the sine and cosine of the "
+                      "angle (default: auto, which chooses sine if the log shows gravity).",
                       {"default": "auto"}),
     "--validate OTHER": ("Second log, on which the command tests the identified model (default: no "
                          "test).", PATH),
@@ -179,9 +181,9 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
         "Parameter to track, or the inverse of a parameter, such as 1/J_l. For several parameters, "
         "write 1/J_l,k or repeat the option.", {"required": True, **SEVERAL},
     ),
-    "--covariate NAME": ("Column with a quantity that can explain differences between the logs in "
-                         "a folder, such as a temperature. Repeat the option for several columns "
-                         "(default: no column).", SEVERAL),
+    "--covariate NAME": ("Column with a quantity, such as a temperature, that can explain "
+                         "differences between the logs in a folder (default: no column). Repeat "
+                         "the option for several columns.", SEVERAL),
     "--false-alarms P": ("Probability that the report on a folder of logs shows a change although "
                          "no parameter changed (default: 0.01).",
                          {"type": float, "default": 0.01}),
@@ -215,7 +217,7 @@ over the key without the prefix. Each help text contains the unit and the defaul
 
 
 def add_options(parser: argparse.ArgumentParser, name: str) -> None:
-    """Add the options of a command to the argument parser of the command."""
+    """Add the options of a command to its argument parser."""
     declared = {}
     for key, value in OPTIONS.items():
         only, _, words = key.rpartition(": ")
@@ -232,7 +234,7 @@ def add_options(parser: argparse.ArgumentParser, name: str) -> None:
 
 
 def answer(args: Args, content: Mapping[str, Any], status: int = 0, *lines: object) -> int:
-    """Print the result of a command as lines, or as one JSON object with ``--json``.
+    """Print the result of a command as lines of text or, with ``--json``, as one JSON object.
 
     Parameters
     ----------

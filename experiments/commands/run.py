@@ -12,7 +12,7 @@ ENGINE = ("-o", "--jobs", "--dask", "--shard", "--overwrite", "--time-limit")
 
 
 def work(args: Args) -> dict[str, Any]:
-    """Return the options for the execution of the runs as keyword arguments of `fx.benchmark`."""
+    """Return the options that control how runs are executed, as arguments of `fx.benchmark`."""
     names = ("jobs", "dask", "shard", "overwrite", "time_limit")
     return {name: getattr(args, name) for name in names if name in args}
 
@@ -23,15 +23,14 @@ def run(args: Args) -> int:
 
     SUITE and SCENARIO are names from `flexaxis list`, or paths of TOML files. Without --estimator,
     the command runs the estimators of the suite. If you name only scenarios, the command runs the
-    estimators of the suite smoke. The output folder contains scores.sqlite and scores.csv (one row
-    per scenario, estimator, seed and parameter), summary.json and report.html. The command executes
-    the code of your own estimators.
+    estimators of the suite 'smoke'. The output folder contains scores.sqlite and scores.csv (one
+    row per scenario, estimator, seed and parameter), summary.json and report.html. The command
+    executes the code of your own estimators.
 
     A case is one run of one estimator on one record. The command stores the result of each case
-    immediately. You can repeat the command to resume a benchmark after Ctrl-C or a full disk,
-    because the command skips finished cases. If a case fails, the command stores the error message
-    and continues with the next case. After a failed case, the exit status is 1, or 70 if the
-    estimator code crashed.
+    immediately. Repeat the command to resume a benchmark after Ctrl-C or a full disk. The command
+    skips finished cases. If a case fails, the command stores the error message and continues with
+    the next case. If any case failed, the exit status is 1, or 70 if the estimator code crashed.
 
     example:
       flexaxis run smoke
@@ -47,7 +46,7 @@ def run(args: Args) -> int:
         fx.merge(args.shards, args.output, jobs=args.jobs, overwrite=args.overwrite)
         return _results(args, fx.load(args.output))
     if not args.names:
-        raise FlexaxisError("name a suite or a scenario, such as smoke: see `flexaxis list`")
+        raise FlexaxisError("name a scenario, or a suite such as 'smoke' (see `flexaxis list`)")
     fx.check_names(args.names)
     folder = args.output or Path("results", Path(args.names[0]).stem)
     check_not_input(args.names, folder)
@@ -72,11 +71,11 @@ def study(args: Args) -> int:
       "rpem-forgetting.forgetting" = [0.99, 0.995]  # an option ("estimator.X": of all estimators)
 
     A case is one run of one estimator on one record. The command stores the result of each case
-    immediately. If you repeat the command, the command skips finished cases, even if you have added
-    estimators, seeds or values to the file. If a case fails, the command stores the error message.
-    After a failed case, the exit status is 1, or 70 if the estimator code crashed. The command
-    executes the code of the estimators in the study file, so use only files that you trust. With
-    --dry-run, the command executes no estimator code.
+    immediately. If you repeat the command, it skips finished cases, even if you have added
+    estimators, seeds or values to STUDY.toml. If a case fails, the command stores the error
+    message. If any case failed, the exit status is 1, or 70 if the estimator code crashed. The
+    command executes the code of the estimators in the study file, so use only files that you trust.
+    With --dry-run, the command executes no estimator code.
 
     example:
       flexaxis study docs/examples/friction_steps.toml --dry-run
@@ -93,8 +92,8 @@ def study(args: Args) -> int:
                  for each in known["variants"]]  # fmt: skip
         words = (
             f"{len(lines)} variants, {known['cases']} cases: about "
-            f"{known['seconds'] / args.jobs / 60:.2g} min on {args.jobs} processes without "
-            f"your own estimators, and {known['megabytes']:.1f} MB in {folder}"
+            f"{known['seconds'] / args.jobs / 60:.2g} min on {args.jobs} processes (not counting "
+            f"your own estimators), and {known['megabytes']:.1f} MB in {folder}"
         )
         return answer(args, known, 0, *lines, words)
     return _results(args, fx.study(args.file, folder=folder, **work(args)))
@@ -106,7 +105,7 @@ def _results(args: Args, results: Any) -> int:
 
     whole, lines = args.shard == (1, 1), results.problems
     missing, path = results.missing * whole, results.folder / (REPORT * whole)
-    lines += [f"{missing} cases are missing, because no shard contains these cases"] * bool(missing)
+    lines += [f"{missing} cases are missing, because no shard contains them"] * bool(missing)
     crashed = results.failures["error"].str.startswith("EstimatorCrash").any()
     status = 70 if crashed else int(bool(lines))
     content, text = {"rows": results.pooled()}, results
@@ -132,8 +131,8 @@ def report(args: Args) -> int:
 def rerun(args: Args) -> int:
     """Repeat the runs in a results folder, and compare the new scores with the stored scores.
 
-    Use this command to check your own results, or the results of another person. The command does
-    not change the results folder. The command executes the code of your own estimators, whose files
+    Use this command to check your own results, or those of someone else. The command does not
+    change the results folder. The command executes the code of your own estimators, whose files
     must still be at their original paths.
 
     exit status: 0 if all relative differences between the scores are below 1e-6, else 1
@@ -155,8 +154,8 @@ def simulate(args: Args) -> int:
     """Simulate a scenario, and save the measured signals and the true parameter values.
 
     With --as-log, the command writes a log that resembles the log of a real robot. A simulated log
-    contains no true parameter values, but can have gaps and units other than SI units. Use
-    simulated logs to practise the commands `import` and `identify`.
+    contains no true parameter values, but can contain gaps and non-SI units. Use simulated logs to
+    practise the commands `import` and `identify`.
 
     example:
       flexaxis simulate fm_step --seed 0 -o rec.nc
@@ -180,7 +179,7 @@ def simulate(args: Args) -> int:
         return answer(args, content, 0, path)
     record.save_log(path, **style)
     line = f"flexaxis import '{path}' --torque-is held"
-    return answer(args, content | {"import": line}, 0, f"To import it: {line}", path)
+    return answer(args, content | {"import": line}, 0, f"To import this log: {line}", path)
 
 
 @command("record", "--estimator", "-o")
@@ -204,5 +203,5 @@ def estimate(args: Args) -> int:
     errors = result.table["error [%]"].dropna()
     words = ", ".join(f"{name} {error:+.2f} %" for name, error in errors.items())
     content = {"path": path, "estimator": result.estimator, **result.table.to_dict()}
-    end = f"Final error of {result.estimator}: {words or 'unknown, the record has no true values'}."
+    end = f"Final error of {result.estimator}: {words or 'unknown (no true values in the record)'}."
     return answer(args, content, 0, result.table, end, path)

@@ -72,7 +72,7 @@ class Estimate:
 
     @cached_property
     def covariance(self) -> Array | None:
-        """Covariances of the estimates (N, p, p), or None if the estimator reports none.
+        """Covariances of the estimates, as (N, p, p), or None if the estimator reports none.
 
         The first access runs the estimator again to collect one covariance matrix per sample.
         """
@@ -81,11 +81,11 @@ class Estimate:
 
     @cached_property
     def truth(self) -> Mapping[str, Array]:
-        """True values of each parameter, keyed by name, or an empty dict if unknown; shape (N,)."""
+        """True values of each parameter as arrays (N,), keyed by name; an empty dict if unknown."""
         return true_values(self.names, self.record, slice(None))
 
     def plot(self, *names: str, ax: Any = None, band: bool = True) -> Any:
-        """Draw the estimates over time in one panel per parameter, with dashed true values.
+        """Draw the estimates and (dashed) the true values over time, in one panel per parameter.
 
         Parameters
         ----------
@@ -95,8 +95,8 @@ class Estimate:
             Matplotlib axes for the curves, for example the axes that the `plot` method of another
             estimate returned (default: new axes).
         band : bool
-            If true, draw a band of ±2 standard deviations around each curve, as reported by the
-            estimator.
+            If true, draw a band of ±2 standard deviations around each curve. The estimator reports
+            these standard deviations.
 
         Returns
         -------
@@ -169,7 +169,7 @@ def estimate(
         Record from `simulate` or `load`, or path of a record file (``.nc``).
     estimator : str or class
         Estimator name from `flexaxis.estimators()`, any text that the option ``--estimator``
-        accepts, or your own estimator class. If you pass a class, the function creates an estimator
+        accepts, or your own estimator class. If you pass a class, the function creates an instance
         of this class.
     scenario : str, Path or Scenario, optional
         Scenario that defines the nominal parameter values for the estimator (default: the scenario
@@ -178,15 +178,15 @@ def estimate(
     Returns
     -------
     result : Estimate
-        Object with the parameter estimates, the array ``theta`` (N, p), and other estimator
-        outputs.
+        Object that contains the parameter estimates in the array ``theta`` (N, p), and other
+        estimator outputs.
 
     Raises
     ------
     EstimatorError
         If the estimator cannot be created, or cannot process the record.
     RecordError
-        If the record contains no scenario, and you do not pass a scenario.
+        If the record contains no scenario, and you pass none.
 
     Examples
     --------
@@ -236,7 +236,7 @@ def score(
     Raises
     ------
     RecordError
-        If the record contains no true parameter values, which only a simulation provides.
+        If the record contains no true parameter values, which only simulated records contain.
 
     Notes
     -----

@@ -1,6 +1,6 @@
 """Work with the logs of a real axis through `import_log`, `identify` and `track`.
 
-Each function returns a `LogResult` object, which contains a table, findings and figures.
+Each of these functions returns a `LogResult` object, which contains a table, findings and figures.
 """
 
 import sys
@@ -134,14 +134,14 @@ def identify(
     columns: Mapping[str, Any] | None = None,
     **options: Any,
 ) -> LogResult:
-    """Identify axis parameters from one log or several, like the command `flexaxis identify`.
+    """Identify axis parameters from one or several logs, like the command `flexaxis identify`.
 
     Parameters
     ----------
     log : path, record, result of `import_log`, or a folder of logs
-        The log to use. The function reads the logs in a folder in the order of their file names.
-        For a folder, the result table contains one row per log, and the findings describe covariate
-        effects and parameter changes.
+        The log to use. The function reads all logs in a folder, sorted by file name. For a folder,
+        the result table contains one row per log, and the findings describe covariate effects and
+        parameter changes.
     model : str, path or Axis
         Name of a built-in model, path of your own TOML file, or an `Axis` object.
     start : mapping of str to float, optional
@@ -152,8 +152,8 @@ def identify(
     validate : path or record, optional
         Second log, on which the function tests the identified model.
     covariates : sequence of str
-        Column names of covariates, such as a temperature. Covariates can explain why the estimates
-        differ between the logs in a folder.
+        Names of the columns that contain covariates, such as a temperature. Covariates can explain
+        why the estimates differ between the logs in a folder.
     false_alarms : float
         Probability that the result for a folder of logs reports a parameter change although no
         parameter changed.

@@ -189,7 +189,7 @@ def cache(*, clear: bool = False) -> dict[str, Any]:
     Returns
     -------
     content : dict
-        The keys are ``folder``, the path of the cache, and ``megabytes``, the size of the cache
+        The entry ``folder`` is the path of the cache, and ``megabytes`` is the size of the cache
         [MB]. The environment variable FLEXAXIS_CACHE sets the path of the cache.
 
     Examples
@@ -236,7 +236,7 @@ class Axis:
     Attributes
     ----------
     scenario : Scenario
-        The scenario, in which the seed determines the onset of the fault.
+        The scenario with the fault onset that the seed determines.
     sample : Sample
         The measurements at the latest sampling instant. The axis starts at rest.
     """

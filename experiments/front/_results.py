@@ -64,7 +64,7 @@ class Results(engine.Results):
         return [f"{text} ({n} cases)" for text, n in failures_in_words(failures)]
 
     def rerun(self, sample: int = 0, **work: Any) -> pd.DataFrame:
-        """Repeat estimator runs, and compare the new scores with the stored scores.
+        """Repeat stored runs, and compare the new scores with the stored scores.
 
         Parameters
         ----------
@@ -76,7 +76,7 @@ class Results(engine.Results):
         Returns
         -------
         table : DataFrame
-            Table with one row per run and parameter. The function
+            Table with one row per run and parameter. The docstring of
             `flexaxis.experiments.running.runner.rerun` describes the columns.
         """
         with studies.working(**work) as runner:
@@ -147,9 +147,9 @@ def benchmark(
         Folder for the result files. If you specify a folder, the function also compares the
         estimators of a suite at equal noise. Without a folder, the results stay in memory.
     **work
-        ``jobs`` is the number of processes (default 1). ``shard`` is (shard number, number of
-        shards). ``dask`` is the address of a Dask scheduler. If ``overwrite`` is true, old results
-        are deleted. ``time_limit`` is the limit for one run of your own estimator [s] (600).
+        ``jobs`` is the number of processes (default 1). ``shard`` is the pair (shard number, number
+        of shards). ``dask`` is the address of a Dask scheduler. ``overwrite`` deletes old results.
+        ``time_limit`` is the time limit for one run of your own estimator [s] (default 600).
 
     Returns
     -------
@@ -262,7 +262,7 @@ def compare(
     Parameters
     ----------
     base, candidate : str or class
-        Estimators, as for `benchmark`.
+        Estimators, in any form that `benchmark` accepts.
     scenarios : str, Path, Scenario, or several of them
         Scenarios for the comparison. The function skips scenarios that either estimator rejects.
     seeds : int, str or iterable of int, optional
@@ -330,7 +330,7 @@ class Sweep:
 
     @property
     def table(self) -> pd.DataFrame:
-        """Table with one row per setting: lag [s] and noise [% of the nominal value]."""
+        """Table of the lag [s] and the noise [% of the nominal value], with one row per setting."""
         return pd.DataFrame(self.content["tradeoff"]["points"])[[*TURNED]]
 
     def plot(self) -> Any:
@@ -375,8 +375,8 @@ def tune(
     -------
     result : DataFrame or Sweep
         Table with one row per estimator, or a `Sweep` object if you pass `sweep`. The columns are
-        ``estimator, problem, setting, knob, value, match`` and ``ratio``, the noise relative to
-        that of rpem-forgetting. If tuning fails, the column ``problem`` contains the reason.
+        ``estimator, problem, setting, knob, value, match, ratio``. The column ``ratio`` contains
+        the noise relative to rpem-forgetting. If tuning fails, ``problem`` contains the reason.
     """
     numbers = seeds_of(seeds, 16)
     names, lines = estimators or [n for n, entry in REGISTRY.items() if entry.knob], []

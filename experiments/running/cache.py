@@ -1,4 +1,4 @@
-"""Cache simulated records in NetCDF files, and remove the least recently used files.
+"""Cache simulated records in NetCDF files up to a size limit; remove the least recently used first.
 
 The cache key of a record consists of the scenario hash (`Scenario.record_hash`), the seed, the
 MuJoCo version, and a digest of the simulation code and the MJCF model files.
@@ -24,18 +24,21 @@ from flexaxis.sim.simulate import made_with, record_of, simulate
 
 LIMIT = 2 * 1024**3  # default size limit of the cache [bytes]
 SHORT = 12
-"""Number of hexadecimal digits of a digest."""
+"""Number of hexadecimal digits in a digest."""
 
 
 @dataclass(frozen=True)
 class RecordCache:
-    """A folder of cached records with a size limit [bytes]."""
+    """A folder of cached records with a total size of at most `limit` bytes."""
 
     folder: Path
     limit: int = LIMIT
 
     def get(self, scenario: Scenario, seed: int) -> Record | None:
-        """Return a record, or None if the file is missing or damaged; remove a damaged file."""
+        """Return a cached record, or None if its file is missing or damaged.
+
+        The method deletes a damaged file.
+        """
         path = self._path(scenario, seed)
         try:
             with h5py.File(path) as file:
@@ -82,7 +85,7 @@ class RecordCache:
 
 
 def default_cache() -> RecordCache:
-    """Return the record cache in the folder FLEXAXIS_CACHE, or in the default cache folder."""
+    """Return the cache in the folder that FLEXAXIS_CACHE names, or in the default cache folder."""
     from flexaxis.estimators.models.compiler import user_cache
 
     usual = user_cache() / "flexaxis" / "records"
@@ -108,7 +111,7 @@ def records(scenario: Scenario, seeds: Sequence[int], cache: RecordCache | None)
 
 
 def keep_nominal_runs(cache: RecordCache | None) -> AbstractContextManager[None]:
-    """Return a context manager that caches simulated nominal runs, which many scenarios share."""
+    """Return a context manager that caches runs of the nominal axis, which many scenarios share."""
     return nominal_runs(lambda scenario: records(scenario, [0], cache)[0].torque)
 
 

@@ -50,7 +50,7 @@ class Options:
     cache : RecordCache or None
         Cache of simulated records.
     traces : bool
-        Whether to keep the trajectories for figures of single runs.
+        Whether to keep the estimates over time for figures of single runs.
     time_limit : float
         Time limit for one run of a user's estimator [s].
     log : str
@@ -65,24 +65,25 @@ class Options:
 
 @dataclass(frozen=True, eq=False)
 class Done:
-    """The result of a run of one estimator on one record.
+    """The result of running one estimator on one record.
 
     Attributes
     ----------
     id : str
         Identifier of the run, from `case_id`.
     about : str
-        Properties that all runs of an estimator on a scenario share, as JSON.
+        JSON text of the properties that all runs of an estimator on a scenario share.
     seed : int
         Seed of the record.
     numbers : ndarray (p, n)
-        Values of the columns `NUMBERS`, with one row per parameter. An undefined value is NaN.
+        Values of the columns that `NUMBERS` lists, with one row per parameter. An undefined value
+        is NaN.
     isolation : str or None
-        For each fault, the parameters that the estimator reports as changed, as JSON.
+        JSON text of the parameters that the estimator reports as changed, for each fault.
     error : str or None
         Error message if the run failed.
     trace : bytes or None
-        Trajectories for the figures of the run, from `pack`.
+        Estimates over time for the figures of the run, in the format of `pack`.
     """
 
     id: str
@@ -176,7 +177,7 @@ def run_case(scenario: Scenario, record: Record, spec: Spec, options: Options = 
 def follow(
     text: str, estimator: Estimator, scenario: Scenario, record: Record
 ) -> tuple[Array, Any, Array | None]:
-    """Run an estimator on a whole record, and read the reported covariance before the fault.
+    """Run an estimator on a whole record, and read the covariance that it reports before the fault.
 
     Parameters
     ----------
@@ -185,7 +186,7 @@ def follow(
     estimator : Estimator
         Estimator in its initial state.
     scenario : Scenario
-        Scenario of the record, which determines the time of the first fault.
+        Scenario of the record. The scenario determines the time of the first fault.
     record : Record
         Record with the torque and the measured outputs.
 
@@ -222,8 +223,8 @@ def follow(
     for what, (values, width) in outputs.items():
         if values is not None and values.shape != (samples, width):
             raise EstimatorError(
-                f"{text} returned {what} with the shape {values.shape} {where}, but the shape "
-                f"must be {(samples, width)}, with one row per sample"
+                f"{text}, {where}: the returned {what} have the shape {values.shape}, but must "
+                f"have the shape {(samples, width)}, with one row per sample"
             )
     return theta, claimed, innovations
 
@@ -237,7 +238,7 @@ def track_of(  # noqa: PLR0917
     Parameters
     ----------
     scenario : Scenario
-        Scenario with the random fault onset of `record`.
+        Scenario with the fault onset that was drawn at random for `record`.
     record : Record
         A simulated record.
     estimated : sequence of str
@@ -245,7 +246,7 @@ def track_of(  # noqa: PLR0917
     theta, claimed, innovations : ndarray or None
         Results of `follow`.
     findings : sequence or None
-        Changes that the estimator detected.
+        Parameter changes that the estimator detected.
     """
     assert record.true_parameters is not None
     names = known_names(scenario, estimated)
@@ -274,19 +275,19 @@ def _done(
 
 
 def numbers_of(lines: Sequence[Mapping[str, Any]]) -> Array:
-    """Return the columns `NUMBERS` of nested score rows, as an array (parameters, columns)."""
+    """Convert nested score rows to an array (parameters, columns) with the columns `NUMBERS`."""
     table = pd.json_normalize(list(lines)).reindex(columns=NUMBERS)
     return np.ascontiguousarray(table.to_numpy(float))
 
 
 def pack(case: Case) -> bytes:
-    """Return the trajectories of a run as the bytes of an .npz file."""
+    """Return the parameter names and estimates of a run as the bytes of an .npz file."""
     buffer = io.BytesIO()
     np.savez(buffer, names=case.names, curve=case.curve, near=case.near)
     return buffer.getvalue()
 
 
 def unpack(content: bytes) -> Case:
-    """Return the names and trajectories of a run from the bytes that `pack` returned."""
+    """Return the parameter names and estimates of a run from the bytes that `pack` returned."""
     with np.load(io.BytesIO(content)) as stored:
         return Case(tuple(stored["names"].tolist()), stored["curve"], stored["near"])

@@ -36,8 +36,8 @@ def run_on(
     u, y : ndarray (n,)
         Torque [N m] and measured output.
     valid : ndarray (n,) of bool, optional
-        False for each sample at which y was not measured. By default, y was measured at every
-        sample.
+        False for each sample at which y was not measured. By default, the function assumes that y
+        was measured at every sample.
 
     Returns
     -------
@@ -80,12 +80,12 @@ def write_estimates(
     theta : ndarray (N, p)
         Estimates.
     names : sequence of str
-        Names of the p estimates.
+        Names of the p estimated parameters.
     about : mapping
-        Attributes of the file.
+        Global attributes of the NetCDF file.
     **claimed : ndarray or None
-        The ``covariance`` (N, p, p) or the standard ``deviation`` (N, p) that the estimator
-        reports.
+        Either ``covariance``, the reported covariances (N, p, p), or ``deviation``, the reported
+        standard deviations (N, p).
 
     Raises
     ------

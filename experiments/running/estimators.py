@@ -52,7 +52,7 @@ Factory = Callable[..., Any]
 
 
 class Misfit(EstimatorError):
-    """The estimator cannot run on the scenario, although both of them are valid."""
+    """Error if a valid estimator cannot run on a valid scenario."""
 
 
 @dataclass(frozen=True)
@@ -138,9 +138,9 @@ def text_of(make: str | Factory) -> str:
     name, module = getattr(make, "__name__", ""), getattr(make, "__module__", "__main__")
     if not name.isidentifier() or name in REGISTRY:
         raise EstimatorError(
-            f"{make!r}: give the name of an estimator such as 'glr', or a class with a name that "
-            "is not registered. An instance of a class is not accepted, because each run needs "
-            "a new instance"
+            f"{make!r}: give the name of an estimator such as 'glr', or a class whose name is not "
+            "that of a registered estimator. An instance of a class is not accepted, because each "
+            "run needs a new instance"
         )
     home = sys.modules.get(module)
     if module != "__main__" and getattr(home, name, None) is make and home.__spec__:  # type: ignore[union-attr]
@@ -167,7 +167,7 @@ def parse(text: str) -> Spec:
     if not ours and name not in (installed := _installed()):
         raise EstimatorError(
             f"unknown estimator {name!r}.{did_you_mean(name, [*REGISTRY, *installed])} Run "
-            "`flexaxis list estimators` to list all estimators. To use your own estimator, write "
+            "`flexaxis list estimators` to list all estimators. To use your own estimator, give "
             "path/file.py:Class, package.module:Class or pipe:COMMAND"
         )
     if name in REGISTRY:
@@ -241,8 +241,8 @@ def keywords(spec: Spec) -> set[str]:
 def make_estimator(spec: Spec, nominal: Any, period: float, **known: Any) -> Estimator:
     """Construct an estimator from nominal values (a mapping or a model) and a sampling period.
 
-    The constructor receives each value of `known` that matches one of its keyword arguments.
-    Options in the specification override the values of `known`.
+    The constructor receives each entry of `known` whose key is one of its keyword arguments.
+    Options in the specification override the entries of `known`.
 
     Raises
     ------
@@ -271,13 +271,14 @@ def make_estimator(spec: Spec, nominal: Any, period: float, **known: Any) -> Est
 def build(spec: Spec, scenario: Scenario) -> Estimator:
     """Construct an estimator from the scenario properties that estimators are allowed to know.
 
-    The constructor receives the sampling period and the nominal parameters. The nominal parameters
-    are scaled by `start` and include data-sheet values. The constructor also receives each of the
-    arguments `identify`, `output`, `noise` and `torque` that it accepts. The argument `noise`
-    requires a data sheet with a noise level. The argument `torque` is the torque of a nominal run,
-    from which estimators compute the initial covariance P(0). Registered estimators are cached and
-    copied, because constructing an estimator takes as long as a run. A user-written estimator is
-    constructed anew for each run.
+    The constructor receives the sampling period and the nominal parameters. The nominal values of
+    identified parameters are scaled by the factor `start` of the scenario. The nominal parameters
+    also include data-sheet values. The constructor also receives each of the arguments `identify`,
+    `output`, `noise` and `torque` that it accepts. The constructor receives `noise` only if the
+    data sheet of the scenario contains a noise level. The argument `torque` is the torque of a
+    nominal run, from which estimators compute the initial covariance P(0). Registered estimators
+    are cached and copied, because constructing an estimator takes as long as a run. A user-written
+    estimator is constructed anew for each run.
 
     Raises
     ------
@@ -300,7 +301,7 @@ def build(spec: Spec, scenario: Scenario) -> Estimator:
 
 @lru_cache(KEPT)
 def _registered(key: bytes) -> Any:
-    """Return a compiled registered estimator for the constructor arguments in `key`."""
+    """Construct and compile a registered estimator with the constructor arguments in `key`."""
     text, model, nominal, period, known = pickle.loads(key)
     axis = nominal if model == DEFAULT else MODELS[model].factory(nominal)
     estimator: Any = make_estimator(parse(text), axis, period, **known)
@@ -310,16 +311,15 @@ def _registered(key: bytes) -> Any:
 
 
 def _known(spec: Spec, scenario: Scenario, nominal: Mapping[str, float]) -> dict[str, Any]:
-    """Return the keyword arguments of a constructor, such as `identify` and `output`."""
+    """Return keyword arguments for an estimator's constructor, such as `identify`."""
     from flexaxis.experiments.scoring.nominal_torque import design_torque, nominal_torque
 
     laws = bool(getattr(REGISTRY.get(spec.name, spec.make), "laws", False))
     identify = tuple(n for n in scenario.identify if laws or n not in LAW_NAMES)
     if not identify:
         raise Misfit(
-            f"{spec.text} does not declare the attribute `laws`, so it cannot run on "
-            f"{scenario.name}, which identifies only {', '.join(scenario.identify)}. Omit the "
-            "scenario"
+            f"{scenario.name} identifies only {', '.join(scenario.identify)}, which {spec.text} "
+            "cannot estimate, because it does not declare the attribute `laws`. Omit the scenario"
         )
     known: dict[str, Any] = {"identify": identify, "output": scenario.output}
     if (noise := scenario.data_sheet.get("noise")) is not None:

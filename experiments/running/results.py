@@ -35,7 +35,7 @@ class Results:
     Parameters
     ----------
     store : Store
-        Store of the rows.
+        Store that contains the scores.
     study : mapping
         Description of the study, as returned by `describe`. If the description lacks the key
         ``variants``, the results include all runs in the store.
@@ -45,7 +45,7 @@ class Results:
     folder : Path or None
         Folder of the store, or None if the scores are in memory.
     axes : tuple of str
-        Names of the scenario keys and options that the study sweeps.
+        Names of the scenario keys and estimator options that the study sweeps.
     """
 
     def __init__(self, store: Store, study: Mapping[str, Any]) -> None:
@@ -54,7 +54,7 @@ class Results:
 
     @classmethod
     def load(cls, folder: str | Path) -> Self:
-        """Return the results of the last study in a folder.
+        """Return the results of the most recent study in a folder.
 
         Raises
         ------
@@ -70,7 +70,7 @@ class Results:
 
     @cached_property
     def frame(self) -> pd.DataFrame:
-        """Scores with one row per run and parameter, and with the main columns first."""
+        """Table of scores with one row per run and parameter. The main columns come first."""
         table = self._store.frame(self._variants)
         table = table[table["seed"].isin(self.study.get("seeds", table["seed"]))].reset_index(
             drop=True
@@ -128,10 +128,10 @@ class Results:
         Returns
         -------
         list of dict
-            One dict per group, in the order of the study. Each dict contains the columns of `by`,
-            ``parameter, changed, runs, seeds``, and the same scores as summary.json. The excess
-            error of a group with several scenarios is None, because the excess error is defined for
-            a single scenario.
+            One dict per group, in the order of the study. Each dict contains the columns in `by`,
+            the keys ``parameter``, ``changed``, ``runs`` and ``seeds``, and the same scores as
+            summary.json. The excess error of a group with several scenarios is None, because the
+            excess error is defined only for a single scenario.
 
         Raises
         ------
@@ -181,7 +181,7 @@ class Results:
         return base.override(changes, inherit=inherit) if changes else base
 
     def traces(self, scenario_hash: str, setting: str) -> dict[int, Case]:
-        """Return the trajectories for figures of single runs, keyed by seed.
+        """Return the estimates over time for figures of single runs, keyed by seed.
 
         Parameters
         ----------

@@ -93,8 +93,8 @@ class Runner:
     Parameters
     ----------
     folder : Path, optional
-        Folder in which the scores are stored. Later studies do not repeat the finished runs in
-        `folder`. Without a folder, the scores are kept in memory.
+        Folder in which the scores are stored. Runs whose scores are already in the folder are not
+        repeated. Without a folder, the scores are kept in memory.
     jobs : int
         Number of worker processes.
     executor : concurrent.futures.Executor, optional
@@ -106,7 +106,7 @@ class Runner:
     overwrite : bool
         Whether to remove existing scores from the folder before the first run.
     shard : (int, int)
-        Number of the shard to run, counted from 1, and number of shards.
+        Number of the shard to run, counted from 1, and total number of shards.
 
     Raises
     ------
@@ -136,7 +136,10 @@ class Runner:
 
     @cached_property
     def store(self) -> Store:
-        """Store of the scores; the first access creates the folder or removes old scores."""
+        """Store of the scores.
+
+        The first access creates the folder and, with `overwrite`, removes old scores.
+        """
         store = Store(self._folder, overwrite=self._overwrite)
         store.check()
         return store
@@ -160,11 +163,11 @@ class Runner:
         study : Study
             Study to run.
         traces : bool
-            Whether to keep the trajectories for figures of single runs. If `traces` is true, stored
-            runs without trajectories are repeated.
+            Whether to keep the estimates over time for figures of single runs. If `traces` is true,
+            stored runs without these estimates are repeated.
         about : mapping, optional
-            Additional properties to store. If `about` is given, the description of the study
-            replaces the last description in the folder.
+            Properties to add to the description of the study. If `about` is given, this description
+            replaces the description that is stored in the folder.
 
         Raises
         ------
@@ -233,10 +236,11 @@ class Runner:
                     yield self._after_death(worker, unit, log, error, queue)
 
     def _compile(self, todo: Sequence[Unit], options: Options) -> None:
-        """Compile missing filters on one worker while the other workers simulate records.
+        """Compile the uncompiled filters on one worker while the other workers simulate records.
 
-        The worker compiles the filter of the last estimator first. When the other workers have
-        simulated the records, they compile the remaining filters from the first estimator on.
+        The compiling worker starts with the filter of the last estimator. When the other workers
+        have simulated the records, they compile the remaining filters, starting with the filter of
+        the first estimator.
         """
         first, *others = self._workers
         if others and options.cache and isinstance(first, Worker) and is_uncompiled():
@@ -248,7 +252,7 @@ class Runner:
     def _after_death(
         self, worker: Any, unit: Unit, log: str, error: BaseException, queue: deque[Unit]
     ) -> Outcome:
-        """Queue each run of a unit separately after the worker of the unit died.
+        """After a worker process has died, queue each run of its unit separately.
 
         If the unit contains a single run of a user-written estimator, the run is marked as failed.
         If the unit contains a single run of a registered estimator, the method returns the reason
@@ -273,7 +277,7 @@ class Runner:
         return []
 
     def misfits(self, scenarios: Sequence[Scenario], texts: Sequence[str]) -> dict[str, str]:
-        """Return the reasons why an estimator cannot run on scenarios, keyed by scenario name."""
+        """Return the reason for each scenario on which an estimator cannot run, keyed by name."""
         problems = self._problems([(each, parse(text)) for each in scenarios for text in texts])
         return {name: str(e) for name, e in problems.items() if isinstance(e, Misfit)}
 
@@ -287,7 +291,7 @@ class Runner:
 
 
 def _pairs(todo: Iterable[Unit]) -> list[Pair]:
-    """Return one pair of a scenario and a specification for each estimator setting."""
+    """Return one pair (scenario, estimator specification) for each estimator setting."""
     pairs = {each.text: (unit.scenario, each.spec) for unit in todo for each in unit.settings}
     return list(pairs.values())
 
@@ -304,7 +308,7 @@ def _problems(pairs: Sequence[Pair], options: Options) -> dict[str, EstimatorErr
 
 
 def rerun(results: Results, runner: Runner, sample: int = 0) -> pd.DataFrame:
-    """Repeat stored runs with the installed version, and compare the old and new scores.
+    """Repeat stored runs with the installed flexaxis version, and compare the old and new scores.
 
     Parameters
     ----------
@@ -313,15 +317,15 @@ def rerun(results: Results, runner: Runner, sample: int = 0) -> pd.DataFrame:
     runner : Runner
         Runner that does not use the folder of `results`.
     sample : int
-        Approximate number of runs to repeat, at even intervals in the list of runs. If `sample` is
-        0, all runs are repeated.
+        Approximate number of runs to repeat, evenly spaced in the list of runs. If `sample` is 0,
+        all runs are repeated.
 
     Returns
     -------
     DataFrame
         Table with the columns ``scenario, estimator, seed, parameter, score, difference``. The
         column ``score`` contains the name of the score that differs most. The column ``difference``
-        contains the relative difference between the old and the new value of ``score``. The
+        contains the relative difference between the old and the new value of this score. The
         difference is infinite if only one of the two values is defined.
     """
     scores, key = [name for name in NUMBERS if "cost." not in name], ["seed", "parameter"]
@@ -343,6 +347,6 @@ def rerun(results: Results, runner: Runner, sample: int = 0) -> pd.DataFrame:
 
 
 def check_failures(frame: pd.DataFrame) -> None:
-    """Raise an `EstimatorCrash` with the error message of the first failed run, if any."""
+    """If any run failed, raise an `EstimatorCrash` with the message of the first failed run."""
     for error in frame["error"].dropna():
         raise EstimatorCrash(error.partition(": ")[2])

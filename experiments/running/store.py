@@ -4,8 +4,8 @@ The table `cases` contains one row per run of an estimator. The scores of a run 
 bytes of a float64 matrix (parameters, columns), because a million rows of text would take minutes
 to read. Other programs can read the scores from scores.csv. The table `variants` contains the
 properties that all runs of one estimator on one scenario share. The table `traces` contains the
-trajectories for figures of single runs. The table `meta` contains the column names, the versions
-and the last study.
+estimates over time for figures of single runs. The table `meta` contains the column names, the
+software versions and the description of the last study.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ class Store:
     Parameters
     ----------
     folder : Path or None
-        Folder of the database file, which is created if necessary. If `folder` is None, the
+        Folder of the database file. The folder is created if necessary. If `folder` is None, the
         database is in memory.
     overwrite : bool
         Whether to remove existing scores from the folder.
@@ -97,7 +97,7 @@ class Store:
 
     @classmethod
     def read(cls, folder: Path) -> Store:
-        """Return the store of an existing folder.
+        """Return the store in an existing folder.
 
         Raises
         ------
@@ -106,9 +106,9 @@ class Store:
         """
         if not (folder / ROWS).is_file():
             raise StudyError(
-                f"{folder} is not the folder of a run or a study, because {ROWS} is missing. To "
-                "create a results folder, use `flexaxis run … -o FOLDER` or `flexaxis study "
-                "FILE.toml -o FOLDER`"
+                f"{folder} is not the folder of a run or a study, because it does not contain "
+                f"{ROWS}. To create a results folder, use `flexaxis run … -o FOLDER` or "
+                "`flexaxis study FILE.toml -o FOLDER`"
             )
         return cls(folder)
 
@@ -126,13 +126,13 @@ class Store:
         ]
         if differ:
             raise StudyError(
-                f"other software versions computed the scores in {self.folder} "
+                f"the scores in {self.folder} were computed with other software versions "
                 f"({'; '.join(differ)}), so new scores cannot be added. Use -o to choose another "
                 "folder, or --overwrite to remove the old scores"
             )
 
     def told(self, key: str) -> Any:
-        """Return the entry of the table `meta` for a key such as ``study``, or None."""
+        """Return the value of a key of the table `meta`, such as ``study``, or None if missing."""
         with self._reported():
             query = "SELECT value FROM meta WHERE key = ?"
             return json.loads((self._db.execute(query, (key,)).fetchone() or ["null"])[0])
@@ -144,7 +144,7 @@ class Store:
             self._db.executemany("INSERT OR REPLACE INTO meta VALUES (?, ?)", lines)
 
     def done(self, *, traced: bool = False) -> set[str]:
-        """Return all run ids; if `traced` is true, omit successful runs without trajectories."""
+        """Return all run ids; if `traced` is true, omit successful runs that have no trace."""
         some = " WHERE error NOT NULL OR id IN (SELECT id FROM traces)" if traced else ""
         with self._reported():
             return {case for (case,) in self._db.execute(f"SELECT id FROM cases{some}")}
@@ -186,12 +186,12 @@ class Store:
             return {key: json.loads(text) for key, text in lines}
 
     def frame(self, chosen: Mapping[int, Mapping[str, Any]]) -> pd.DataFrame:
-        """Return the scores of some variants, one row per run and parameter, sorted by seed.
+        """Return the scores of some variants, with one row per run and parameter, sorted by seed.
 
         Parameters
         ----------
         chosen : mapping
-            Selected entries of `variants`, in the order of the returned rows.
+            Selected entries of `variants`, in the order in which their rows are returned.
         """
         names, cases, numbers = self.told("columns"), [], bytearray()
         query = ("SELECT id, seed, isolation, error, numbers FROM cases "
@@ -210,7 +210,7 @@ class Store:
         return table.assign(**truths).rename(columns={"parameters": "parameter"})
 
     def traces(self, scenario_hash: str, setting: str) -> dict[int, Case]:
-        """Return the trajectories for figures of single runs, keyed by seed."""
+        """Return the estimates over time for figures of single runs, keyed by seed."""
         query = (
             "SELECT seed, content FROM cases JOIN traces USING (id) JOIN variants v "
             "ON v.id = variant WHERE json_extract(about, '$.hash') = ? "

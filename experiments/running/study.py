@@ -1,4 +1,4 @@
-"""Define studies of scenarios, estimators and seeds, and split studies into units of work."""
+"""Define studies with scenarios, estimators and seeds, and split them into units of work."""
 
 import json
 import math
@@ -39,7 +39,7 @@ class Study:
     seeds : tuple of int
         Seeds of the records.
     axes : tuple of str
-        Names of the keys that the study sweeps, or an empty tuple without a sweep.
+        Names of the keys that the study sweeps. Without a sweep, the tuple is empty.
     points : tuple of dict
         Points of the sweep. Each sweep point contains a value for every swept key.
     streams : {"common", "own"}
@@ -117,9 +117,9 @@ class Unit:
     scenario : Scenario
         Scenario with the swept values at one sweep point.
     base : str
-        Name of the scenario before the swept values are applied.
+        Name of the base scenario, to which the swept values are applied.
     axes : mapping
-        Swept values of scenario keys.
+        Values of the swept scenario keys.
     settings : tuple of Setting
         Settings of the estimators.
     seeds : tuple of int
@@ -127,8 +127,8 @@ class Unit:
     done : frozenset of str
         Identifiers of finished runs, which are skipped.
     error : str
-        Error message if the unit consists of a single run that is known to fail. A run with an
-        error message is stored as failed without being repeated.
+        Error message if the unit consists of a single run that is known to fail. Such a run is
+        stored as failed, and is not executed again.
     """
 
     scenario: Scenario
@@ -155,7 +155,7 @@ def case_id(scenario_hash: str, setting: Setting, seed: int) -> str:
 
 
 def applies(key: str, estimator: str) -> bool:
-    """Return whether a key such as "estimator.X" or "NAME.X" sets an option of an estimator.
+    """Return whether a key such as "estimator.X" or "NAME.X" sets an option of the given estimator.
 
     Examples
     --------
@@ -166,7 +166,7 @@ def applies(key: str, estimator: str) -> bool:
 
 
 def is_option(key: str, names: Sequence[str]) -> bool:
-    """Return whether a swept key sets an estimator option and not a scenario key."""
+    """Return whether a swept key sets an estimator option rather than a scenario key."""
     return any(applies(key, name) for name in (ALL, *names))
 
 
@@ -218,7 +218,7 @@ def _named(study: Study, axes: Point) -> Iterator[None]:
 
 
 def missing(every: Sequence[Unit], done: set[str]) -> Iterator[Unit]:
-    """Yield all units with unfinished runs, without repeating a run in several units."""
+    """Yield all units with unfinished runs; no run occurs in more than one of these units."""
     planned = set(done)
     for unit in every:
         ids = {case for case, _, _ in unit.cases()}

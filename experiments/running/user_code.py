@@ -34,7 +34,7 @@ TIME_LIMIT = 600.0
 
 
 class EstimatorCrash(EstimatorError):
-    """Exception in an estimator; the message contains the estimator, the exception and the line."""
+    """Exception in an estimator; the message names the estimator, the exception and the line."""
 
 
 def names_code(text: str) -> bool:
@@ -95,10 +95,9 @@ def reported(
     text : str
         Estimator, in the format of the option `--estimator`.
     where : str
-        Location of the error for the message, such as "in its constructor" or "on fm_step-v1, seed
-        1000".
+        Location of the error in words, such as "in its constructor" or "on fm_step-v1, seed 1000".
     first : int
-        Index of the first sample that the estimator processes in the context.
+        Index of the first sample that the estimator processes in the ``with`` block.
     period : float
         Sampling period [s].
     refusing : bool
@@ -204,8 +203,7 @@ class PipeEstimator:
     period : float
         Sampling period [s].
     identify : sequence of str
-        Parameters that the scenario identifies. The program can also estimate parameters that the
-        scenario does not identify.
+        Parameters that the scenario identifies. The program may also estimate other parameters.
     output : str
         Name of the measured signal y.
 
@@ -230,17 +228,17 @@ class PipeEstimator:
         start, p, place = struct.unpack("<16sII", self._ask(HEAD + head, 24))
         if start != HEAD:
             raise EstimatorError(
-                f"the program answered {start!r}; docs/pipes.md describes the correct header"
+                f"the program answered {start!r} instead of the header that docs/pipes.md describes"
             )
         self.names = tuple(np.frombuffer(self._ask(b"", 32 * p), "S32").astype(str).tolist())
         self.output = signals[place]
 
     def step(self, u: float, y: float | None) -> NDArray[np.float64]:
-        """Return the estimates θ[k] (p,) for u[k] and y[k]; a missing y (None) is sent as NaN."""
+        """Return the p estimates θ[k] for u[k] and y[k]; a missing y (None) is sent as NaN."""
         return self.run([u], np.array([y], float))[0]
 
     def run(self, u: ArrayLike, y: ArrayLike, valid: Any = True) -> NDArray[np.float64]:
-        """Return the estimates θ (N, p) for the inputs u (N,) and the outputs y (N,)."""
+        """Return the estimates after each of the N samples of u and y, as an array (N, p)."""
         samples, answer = np.column_stack([u, np.where(valid, y, np.nan)]), b""
         # Each part is smaller than the buffer of a pipe, so neither process blocks the other.
         for part in np.split(samples, range(2048, len(samples), 2048)):
@@ -249,7 +247,7 @@ class PipeEstimator:
         return np.frombuffer(answer, "<f8").reshape(len(samples), -1)
 
     def _ask(self, content: bytes, size: int) -> bytes:
-        """Send bytes to the program, and return the answer."""
+        """Send bytes to the program, and return its answer of `size` bytes."""
         answer = b""
         with suppress(OSError):  # the program has ended
             self._process.stdin.write(content)  # type: ignore[union-attr]
@@ -263,6 +261,6 @@ class PipeEstimator:
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:
-    """Terminate a program, and close the pipes to the program."""
+    """Terminate a program, and close the pipes to it."""
     with suppress(OSError), process:
         process.kill()
