@@ -92,7 +92,7 @@ def paper(args: Args) -> int:
 
     The paper is "Recursive identification of physical parameters in a flexible robot arm" by
     Östring and Gunnarsson. The command writes index.html, claims.json, and fig3 to fig9 (.svg,
-    .png) to the output folder. The exit status is 1 if the check of a claim fails.
+    .png) to the output folder. The exit status is 1 if any of the claims does not hold.
 
     example:
       flexaxis paper -o results/paper

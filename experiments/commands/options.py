@@ -108,8 +108,8 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "seeds that two finished runs have in common).",
     "tune: --seeds N|A:B": "Random seeds: either N seeds starting at 1000, or the seeds A to B-1 "
     "(default: 0:16).",
-    "--sample N": ("Repeat only N runs, evenly spaced among all runs (default: repeat all runs).",
-                   ZERO),
+    "--sample N": ("Repeat only N runs, evenly spaced in the list of runs (default: repeat all "
+                   "runs).", ZERO),
     "--seed N": ("Random seed, which completely determines the simulation (default: 0).", ZERO),
     "demo: --seed N": ("Random seed of the excitation and the noise (default: the seed of the "
                        "lesson, or 0).", WHOLE),
@@ -162,14 +162,14 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "--fix PARAMETER[=VALUE]": ("Hold this parameter constant at VALUE [SI] (default: hold no "
                                 "parameter). Without VALUE, hold the parameter at its start value. "
                                 "Repeat the option for several parameters.", VALUES),
-    "identify: --start PARAMETER=VALUE": ("Start value of a parameter for the search [SI] "
+    "identify: --start PARAMETER=VALUE": ("Start value [SI] of a parameter for the search "
                                           "(default: estimated from the log). Repeat the option "
                                           "for several parameters.", VALUES),
     "track: --start F": ("Ratio of the initial estimate to the identified value, for convergence "
                          "tests (default: 1).", {"type": float, "default": 1.0}),
     "--delay S": ("Known torque delay [s] (default: identify the delay from the log).", NUMBER),
     "--friction LAW": (
-        "Dry friction model of the motor: none, coulomb or stribeck (default: auto, which "
+        "Dry-friction model for the motor: none, coulomb or stribeck (default: auto, which "
         "chooses the model that best simulates held-out segments of the log).", {"default": "auto"},
     ),
     "--gravity LAW": ("Gravity model: none, or sine, a weighted sum of the sine and cosine of the "

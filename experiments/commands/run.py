@@ -22,10 +22,10 @@ def run(args: Args) -> int:
     r"""Run estimators on scenarios with many random seeds, and write a report with the scores.
 
     SUITE and SCENARIO are names from `flexaxis list`, or paths of TOML files. Without --estimator,
-    the command runs the estimators of the suite. If you name only scenarios, the command runs the
-    estimators of the suite 'smoke'. The output folder contains scores.sqlite and scores.csv (one
-    row per scenario, estimator, seed and parameter), summary.json and report.html. The command
-    executes the code of your own estimators.
+    the command runs the estimators of the suite. If you name neither a suite nor an estimator, the
+    command runs the estimators of the suite 'smoke'. The output folder contains scores.sqlite and
+    scores.csv (one row per scenario, estimator, seed and parameter), summary.json and report.html.
+    The command executes the code of your own estimators.
 
     A case is one run of one estimator on one record. The command stores the result of each case
     immediately. Repeat the command to resume a benchmark after Ctrl-C or a full disk. The command

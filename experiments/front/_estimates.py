@@ -85,7 +85,7 @@ class Estimate:
         return true_values(self.names, self.record, slice(None))
 
     def plot(self, *names: str, ax: Any = None, band: bool = True) -> Any:
-        """Draw the estimates and (dashed) the true values over time, in one panel per parameter.
+        """Draw one panel of estimates over time per parameter; dashed lines show the true values.
 
         Parameters
         ----------

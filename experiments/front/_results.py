@@ -147,8 +147,8 @@ def benchmark(
         Folder for the result files. If you specify a folder, the function also compares the
         estimators of a suite at equal noise. Without a folder, the results stay in memory.
     **work
-        ``jobs`` is the number of processes (default 1). ``shard`` is the pair (shard number, number
-        of shards). ``dask`` is the address of a Dask scheduler. ``overwrite`` deletes old results.
+        ``jobs`` is the number of processes (default 1). ``shard`` is the pair (shard, number of
+        shards). ``dask`` is the address of a Dask scheduler. ``overwrite=True`` deletes old scores.
         ``time_limit`` is the time limit for one run of your own estimator [s] (default 600).
 
     Returns
@@ -218,7 +218,7 @@ class Comparison:
 
     @property
     def verdict(self) -> Any:
-        """The verdict as one of the words "worse", "undecided", "better", "slight" and "same"."""
+        """The verdict, which is "worse", "undecided", "better", "slight" or "same"."""
         return self.content["verdict"]
 
     def to_dataframe(self) -> pd.DataFrame:

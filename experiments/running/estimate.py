@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 
 def true_values(names: Sequence[str], record: Record, at: Any) -> dict[str, Any]:
-    """Return the true values of all recorded parameters at the samples `at`, keyed by name."""
+    """Return a dict of the true values at the samples `at` of all `names` that are recorded."""
     known = [name for name in names if physical(name)[0] in record.parameter_names]
     if record.true_parameters is None or not known:
         return {}

@@ -66,7 +66,7 @@ class Spec:
     options : mapping
         Options of the estimator, keyed by name.
     session : callable or None
-        Class of the estimator if the class was defined in an interactive session and not in a file.
+        Class of the estimator if it was defined in an interactive session rather than in a file.
     """
 
     text: str

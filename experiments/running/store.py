@@ -235,5 +235,5 @@ class Store:
         except sqlite3.DatabaseError as error:
             raise StudyError(
                 f"{self._path} is damaged, or is not a database of scores: {error}. Restore the "
-                "file from a copy, or remove the file and repeat the command"
+                "file from a backup, or remove the file and repeat the command"
             ) from error

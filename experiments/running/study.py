@@ -72,7 +72,7 @@ class Study:
 
     @property
     def cases(self) -> int:
-        """Largest possible number of runs in the study."""
+        """Maximum number of runs in the study."""
         return math.prod(map(len, (self.scenarios, self.estimators, self.seeds, self.points)))
 
     @property

@@ -73,7 +73,7 @@ def load_class(text: str) -> Callable[..., Any]:
 
 @cache
 def _module_of(path: Path) -> Any:
-    """Import a Python file, and append the folder of the file to the module search path."""
+    """Import a Python file, and append its folder to the module search path."""
     if str(path.parent) not in sys.path:
         sys.path.append(str(path.parent))
     name = f"_flexaxis_user_{path.stem}_{abs(hash(path))}"
@@ -160,7 +160,7 @@ def is_of_the_machine(error: BaseException | None) -> bool:
 
 @contextmanager
 def ended_after(seconds: float | None, log: str) -> Iterator[None]:
-    """Terminate the current process if the code in the context runs longer than `seconds`.
+    """Terminate the current process if the code in the ``with`` block runs longer than `seconds`.
 
     Before the process is terminated, the tracebacks of all threads are written to the file `log`.
     The timer runs in C and therefore also stops code that never returns to Python.
