@@ -42,7 +42,7 @@ def happens(scenario: Scenario) -> str:
 
 
 def in_a_line(scenario: Scenario) -> str:
-    """Describe the faults of a scenario and its differences from the default in one line."""
+    """Describe in one line a scenario's faults and its differences from the default scenario."""
     usual = _parts(Scenario(name="usual", duration=20.0))
     parts = (t for name, texts in _parts(scenario).items() for t in texts if t not in usual[name])
     return "; ".join([happens(scenario), *parts])
@@ -78,7 +78,7 @@ def show(name: str) -> tuple[dict[str, Any], list[str]]:
     ----------
     name : str
         Name of a scenario, suite or estimator, or path of a scenario file. For a scenario, the text
-        consists of its description and its TOML file.
+        consists of its description and all its keys in TOML format.
 
     Raises
     ------

@@ -88,7 +88,7 @@ def names_in(folder: str) -> list[str]:
 
 
 def scenario_names() -> list[str]:
-    """Return the names of all scenarios except scenarios with a random onset (suffix -v2)."""
+    """Return the names of all scenarios except those with a random onset (suffix -v2)."""
     return names_in("scenarios")
 
 
@@ -113,7 +113,7 @@ def full_name(name: str) -> str:
 
 
 def check_names(names: Iterable[str]) -> None:
-    """Raise a ScenarioError if any name is not the name of a scenario, a suite or a file."""
+    """Raise a ScenarioError unless every name is that of a scenario, a suite or a file."""
     known = {*hashes(), *suite_names()}
     if wrong := [n for n in names if full_name(n) not in known and not Path(n).is_file()]:
         raise ScenarioError(*map(_unknown, wrong))
@@ -140,8 +140,9 @@ def find_scenario(name: str) -> Scenario:
     Raises
     ------
     ScenarioError
-        If neither the name nor the file exists, or if the file contains errors. A ScenarioError
-        also occurs if a scenario in the catalogue does not match its frozen hash.
+        If the name is neither that of a scenario nor that of a file, or if the file contains
+        errors. The error is also raised if a scenario in the catalogue does not match its frozen
+        hash.
     """
     from flexaxis.sim.scenario import load_scenario, scenario_from
 
@@ -161,7 +162,7 @@ def find_scenario(name: str) -> Scenario:
 
 
 def _frozen(scenario: Scenario, name: str) -> Scenario:
-    """Return a scenario if the hash of its content is equal to its frozen hash.
+    """Return a scenario if its content hash equals its frozen hash; otherwise raise an error.
 
     Without this check, results of a changed scenario could be combined with stored results of the
     original scenario.
@@ -184,7 +185,7 @@ def _frozen(scenario: Scenario, name: str) -> Scenario:
 
 
 def find_suite(name: str) -> Suite:
-    """Return the suite with a given name; "all" in the suite file means all estimators."""
+    """Return the suite with a given name; estimators = "all" in its file means all estimators."""
     from flexaxis.estimators.registry import REGISTRY
 
     table = _tables(f"suites/{name}.toml")
@@ -198,8 +199,8 @@ def find_suite(name: str) -> Suite:
 def _members(table: dict[str, Any]) -> list[str]:
     """Return the names of the scenarios in a suite, given the content of the suite file.
 
-    A suite file contains groups, excluded groups, or the names of scenarios. The suite contains
-    version -v2 of each scenario in a group, or version -v1 if version -v2 does not exist.
+    A suite file lists groups, excluded groups or the names of scenarios. The suite contains version
+    -v2 of each scenario in a group, or version -v1 if version -v2 does not exist.
     """
     if "groups" not in table and table["scenarios"] != "all":
         return list(table["scenarios"])
@@ -210,7 +211,7 @@ def _members(table: dict[str, Any]) -> list[str]:
 
 
 def select(names: Any, *, default: str = "smoke") -> Suite:
-    """Combine all given scenarios and the scenarios of all given suites in one suite.
+    """Combine all given scenarios and the scenarios of all given suites into one suite.
 
     Parameters
     ----------
@@ -224,7 +225,7 @@ def select(names: Any, *, default: str = "smoke") -> Suite:
     Raises
     ------
     ScenarioError
-        If a name does not exist or a file is invalid. The error message contains one line for each
+        If a name is unknown or a file is invalid. The error message contains one line for each
         unknown name.
     """
     names = names if isinstance(names, list | tuple | set) else [names]
@@ -237,7 +238,7 @@ def select(names: Any, *, default: str = "smoke") -> Suite:
             scenario = find_scenario(str(each)) if isinstance(each, str | Path) else each
             result.setdefault((scenario.name, scenario.hash), scenario)
     if not result:
-        raise ScenarioError("no scenario is given: use at least one scenario, such as fm_step")
+        raise ScenarioError("no scenario is given: name at least one scenario, such as fm_step")
     first = (*suites.values(), find_suite(default))[0]
     swept = [find_scenario(name) for name in first.swept_scenarios] if suites else []
     name = ", ".join(getattr(each, "name", str(each)) for each in names)
@@ -279,13 +280,13 @@ def _with(find: str, lines: list[Line]) -> list[Line]:
 
 
 def suites(find: str = "") -> list[Line]:
-    """Return the name and the description (card) of each suite that contains a given text."""
+    """Return the name and the description (card) of each suite in which the text `find` occurs."""
     lines = [{"name": n, "card": _tables(f"suites/{n}.toml")["card"]} for n in suite_names()]
     return _with(find, lines)
 
 
 def faults(find: str = "") -> list[Line]:
-    """Return all physical faults, with the changed parameter and the scenarios of each fault."""
+    """Return all physical faults, each with the parameter that it changes and its scenarios."""
     lines = scenarios()
     result = []
     for fault, parameter in FAULTS.items():

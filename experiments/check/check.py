@@ -53,24 +53,25 @@ class Subject:
         return build(self.spec, self.scenario)
 
     def run(self, u: Array, y: Array) -> Array:
-        """Run a new estimator on copies of torque u and output y; return the estimates (N, p)."""
+        """Run a new estimator on copies of u and y; return the estimates as an array (N, p)."""
         return run_estimator(self.make(), u.copy(), y.copy())
 
     @cached_property
     def theta(self) -> Array:
-        """Estimates (N, p) for the unmodified record."""
+        """Estimates for the unmodified record, as an array (N, p)."""
         return self.run(self.u, self.y)
 
     @cached_property
     def nominal(self) -> Array:
-        """Absolute values of the first estimates (p,), by which differences are divided."""
+        """Absolute values of the first estimates, as an array (p,); they scale all differences."""
         sizes = np.abs(self.theta[0])
         return np.where(np.isfinite(sizes) & (sizes > 0), sizes, 1.0)
 
     def gaps(self, one: Array, other: Array) -> Array:
-        """Return the largest difference between the estimates (N, p) of two runs, per sample (N,).
+        """Return, for each sample, the largest difference between the estimates of two runs.
 
-        The differences are divided by `nominal`, the absolute values of the first estimates.
+        The estimates are arrays (N, p), and the result is an array (N,). The differences are
+        divided by `nominal`, the absolute values of the first estimates.
         """
         with np.errstate(invalid="ignore", over="ignore"):
             gap = np.abs(one - other) / self.nominal
@@ -94,7 +95,7 @@ class Subject:
 
 
 def step(estimator: Estimator, u: Array, y: Array, gap: slice = slice(0)) -> Array:
-    """Return the estimates (N, p) from N calls to `step`, with y = None at the samples in `gap`."""
+    """Return the estimates of N calls to `step`, as an array (N, p), with y = None in `gap`."""
     values: list[float | None] = y.tolist()
     values[gap] = [None] * len(values[gap])
     pairs = zip(u.tolist(), values, strict=True)
@@ -151,11 +152,11 @@ def no_look_ahead(subject: Subject) -> Seen:
         wrong = np.flatnonzero(~(apart < 1e-12))
         if wrong.size:
             return False, (
-                f"a change of u and y after sample {cut} changed the estimates from sample "
-                f"{wrong[0]} on, which is {cut + 1 - wrong[0]} samples earlier, by up to "
-                f"{apart[wrong].max():.2g} of the nominal values"
+                f"a change in u and y after sample {cut} changed the estimates by up to "
+                f"{apart[wrong].max():.2g} of the nominal values, from sample {wrong[0]} on "
+                f"({cut + 1 - wrong[0]} samples earlier)"
             )
-    return True, f"changes after samples {', '.join(map(str, CUTS))} affected no earlier estimate"
+    return True, f"changes after samples {', '.join(map(str, CUTS))} affected no earlier estimates"
 
 
 def keeps_no_reference(subject: Subject) -> Seen:
@@ -195,7 +196,7 @@ def survives_a_gap(subject: Subject) -> Seen:
     """Check that estimates stay finite and nearly constant if y is missing for 100 samples."""
     theta = step(subject.make(), subject.u, subject.y, GAP)
     if not np.isfinite(theta).all():
-        return False, "some estimates are not finite after y was missing"
+        return False, "some estimates are not finite if y is missing"
     moved = subject.apart(theta[GAP], theta[GAP.start - 1])
     return moved <= 0.1, f"the estimates change by up to {moved:.1%} while y is missing"
 
@@ -244,19 +245,18 @@ RULES: dict[Callable[[Subject], Seen], tuple[str, str]] = {
         "return one estimate per parameter from step, and an array (N, p) from run",
     ),
     finite: (
-        "a run diverges if any estimate is not finite, and a single wrong sample must not make a "
-        "run diverge",
+        "a run diverges if any estimate is not finite, and a single wrong sample must not cause "
+        "this",
         "limit the estimates, clip the residual, and keep P symmetric and positive definite",
     ),
     deterministic: (
-        "a comparison cannot distinguish random variations from real differences between "
-        "estimators",
+        "otherwise a comparison cannot distinguish random variations from real differences "
+        "between estimators",
         "seed the random generator in the constructor, and store no state in the class or module",
     ),
     step_equals_run: (
         "the benchmark calls run and a robot controller calls step, so run and step must agree",
-        "let the method run start from the current state, and store the state after the last "
-        "sample",
+        "let `run` start from the current state, and store the state after the last sample",
     ),
     no_look_ahead: (
         "θ[k] must not depend on future samples, because future samples would hide the "
@@ -292,7 +292,7 @@ RULES: dict[Callable[[Subject], Seen], tuple[str, str]] = {
         "and the attribute `output`",
     ),
 }
-"""Reason for each rule, and a hint on how to follow the rule."""
+"""Reason for each rule, and a hint on how to follow it."""
 
 
 @dataclass(frozen=True)

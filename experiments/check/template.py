@@ -20,8 +20,8 @@ def new(path: Path) -> list[str]:
     Parameters
     ----------
     path : Path
-        Path of the new file. The file suffix selects the programming language, which is Python
-        (.py), C (.c) or GNU Octave (.m).
+        Path of the new file. The file suffix selects the programming language: Python (.py), C (.c)
+        or GNU Octave (.m).
 
     Raises
     ------

@@ -94,11 +94,11 @@ def run(
     Parameters
     ----------
     study : Study
-        Study to run. A study that sweeps no values is a benchmark.
+        Study to run. A study without swept values is a benchmark.
     runner : Runner
         Runner for the cases.
     swept : (sequence of Scenario, sequence of str)
-        Scenarios and estimators for the benchmark comparison at equal noise of the estimates.
+        Scenarios and estimators that a benchmark compares at equal noise of the estimates.
 
     Raises
     ------
@@ -114,7 +114,7 @@ def run(
 
 
 def merge(shards: Sequence[Path], folder: Path, **options: Any) -> None:
-    """Merge the results of several shards in one folder, and write the report.
+    """Merge the results of several shards into one folder, and write the report.
 
     Parameters
     ----------
@@ -164,13 +164,13 @@ def write_report(results: Results, path: Path) -> None:
 
 def _describe(text: str) -> str:
     name = text.partition("[")[0].strip()
-    return REGISTRY[name].summary if name in REGISTRY else "an estimator that the user provides"
+    return REGISTRY[name].summary if name in REGISTRY else "a user-written estimator"
 
 
 def swept(
     scenarios: Sequence[Scenario], estimators: Sequence[str], seeds: Sequence[int], runner: Runner
 ) -> dict[str, Any]:
-    """Compute the curves of lag over noise, and the lags of all estimators at equal noise.
+    """Compute the curves of lag against noise, and the lags of all estimators at equal noise.
 
     Parameters
     ----------
@@ -178,7 +178,8 @@ def swept(
         Scenarios with faults.
     estimators : sequence of str
         Estimators to compare. The function adds the reference estimator to the comparison. The
-        function omits an estimator if it fails for any tuning parameter value in the first sweep.
+        function omits an estimator if it fails for any value of its tuning parameter in the first
+        sweep.
     seeds : sequence of int
         Seeds of the records.
     runner : Runner
@@ -207,7 +208,7 @@ def plan(path: Path) -> dict[str, Any]:
     dict
         The list ``variants`` contains one dict for each scenario and each combination of swept
         values. The entry ``cases`` is the number of estimator runs in the study. The entry
-        ``seconds`` is the estimated computing time on one core [s], measured with registered
+        ``seconds`` is the computing time on one core [s], estimated from a run of the registered
         estimators. The entry ``megabytes`` is the expected size of the results [MB].
     """
     study = load_study(path)

@@ -33,7 +33,7 @@ def seed_of(seed: Any) -> int:
 
 
 def seeds_of(seeds: Any, default: int = 8) -> tuple[int, ...]:
-    """Return the seeds, which are given as a number, a range or a list.
+    """Return the seeds that are given as a number, a range or a list.
 
     A number N means the seeds 1000 to 1000 + N - 1. A range "A:B" means the seeds A to B - 1.
 
@@ -58,7 +58,7 @@ def seeds_of(seeds: Any, default: int = 8) -> tuple[int, ...]:
     if not result or result[0] < 0 or len(result) > MOST:
         raise FlexaxisError(
             f"seeds {text!r}: give a number of seeds, such as 8, or a range, such as 1000:1030 "
-            f"(without 1030). At most {MOST} seeds are allowed"
+            f"(which excludes 1030). At most {MOST} seeds are allowed"
         )
     return tuple(result)
 
@@ -120,7 +120,7 @@ class StudyFile(Config):
 
 
 BLANK = {"scenario": (), "estimators": (), "seeds": 1}
-"""Placeholders for missing or invalid values of a study file while all other keys are checked."""
+"""Placeholders that replace missing or invalid values of a study file, to check its other keys."""
 
 
 def load_study(path: str | Path) -> Study:

@@ -17,7 +17,7 @@
 #endif
 
 #define FLEXAXIS_VERSION 1u
-#define FLEXAXIS_MARK 0x01020304u /* has another value if the byte order differs */
+#define FLEXAXIS_MARK 0x01020304u /* has a different value if the byte order differs */
 #define FLEXAXIS_NAME 32          /* length of a name in bytes, padded with NUL */
 #define FLEXAXIS_MOST 64          /* largest number of names and of nominal values */
 
@@ -58,7 +58,7 @@ static flexaxis_axis flexaxis_open(void) {
     flexaxis_read(known, sizeof known);
     if (memcmp(magic, "FLEXAXIS", 8) != 0) flexaxis_fail("stdin is not from flexaxis");
     if (known[0] != FLEXAXIS_VERSION || known[1] != FLEXAXIS_MARK)
-        flexaxis_fail("another protocol version, or another byte order");
+        flexaxis_fail("different protocol version or byte order");
     flexaxis_read(&axis.period, sizeof axis.period);
     flexaxis_read(count, sizeof count);
     axis.output = count[0], axis.values = count[1], axis.names = count[2];

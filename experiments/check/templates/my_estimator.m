@@ -26,7 +26,7 @@ end
 magic = char (take (8, "uint8")');
 known = take (2, "uint32");
 if ! strcmp (magic, "FLEXAXIS") || any (known' != [1, 16909060])   % 0x01020304
-  error ("another protocol version, or stdin is not from flexaxis");
+  error ("stdin is not from flexaxis, or uses a different protocol version");
 end
 T = take (1, "double");
 counts = take (3, "uint32");   % output, nominal values, names
