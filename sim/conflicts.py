@@ -266,7 +266,7 @@ def _span_problems(change: Fault, period: float) -> Iterator[Problem]:
 
 
 def _changed_problems(change: Fault, scenario: Scenario) -> Iterator[Problem]:
-    """Report a fault whose parameter cannot change during a run or cannot have the new value."""
+    """Report a fault whose parameter cannot change during a run or cannot take the new value."""
     known, parameter = changeable(parameter_names(scenario.model)), change.parameter
     law = meant(parameter)
     text = _law_problem(law, scenario) if parameter == law or law not in scenario.laws else None

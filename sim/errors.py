@@ -7,7 +7,7 @@ from difflib import get_close_matches
 
 
 class FlexaxisError(ValueError):
-    """Base class of all errors that report an invalid input or a failed simulation."""
+    """Base class of all errors that report invalid input or a failed simulation."""
 
 
 class ParameterError(FlexaxisError):
@@ -43,7 +43,7 @@ class SimulationError(FlexaxisError):
     time : float
         Simulated time at the end of the failed step [s].
     reason : str
-        Cause of the failure, such as a warning of the physics engine.
+        Cause of the failure, such as a warning from the physics engine.
     """
 
     def __init__(self, message: str, run: int, time: float, reason: str) -> None:

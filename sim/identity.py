@@ -43,7 +43,8 @@ def content_hash(resolved: Mapping[str, Any]) -> str:
 
     Old scenarios do not have the keys `streams`, `period` and `model`. Therefore the hash excludes
     `streams` if it is "content", `period` if it is 5 ms, and `model` if it is "three_mass". The
-    hash includes the digest of the model's MJCF file if this file differs from the published file.
+    hash includes the digest of the model's MJCF file if this file differs from the published
+    version.
     """
     without = _WORDS | ({"streams"} if resolved["streams"] == CONTENT else set())
     return _digest({k: v for k, v in _told_apart(resolved).items() if k not in without})
@@ -78,7 +79,7 @@ def _told_apart(resolved: Mapping[str, Any]) -> dict[str, Any]:
     """Return the keys and values of a scenario that can affect its hashes.
 
     The dictionary omits `period` if it has its default value, and likewise `model`. The dictionary
-    contains the digest of the model's MJCF file if this file differs from the published file.
+    contains the digest of the model's MJCF file if this file differs from the published version.
     """
     usual, model = {"period": PERIOD, "model": DEFAULT}, resolved["model"]
     content = {key: value for key, value in resolved.items() if usual.get(key) != value}

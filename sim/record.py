@@ -62,7 +62,7 @@ class Record:
     Attributes
     ----------
     time : ndarray (N,)
-        Sample times, evenly spaced [s].
+        Evenly spaced sample times [s].
     torque : ndarray (N,)
         Torque command [N m].
     angle, speed, increment : ndarray (N,), optional
@@ -289,7 +289,7 @@ def _check_array(record: Record, name: str, shape: tuple[int, ...]) -> None:
         where = "".join(f", {record.parameter_names[i]}" for i in index[1:])
         raise RecordError(
             f"{name} is {values[index]} at sample {index[0]}{where} ({bad.sum()} values are not "
-            "finite). Set valid = False at missing samples, and give them any finite value."
+            "finite). Set valid = False at missing samples, and fill them with any finite value."
         )
 
 

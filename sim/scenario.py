@@ -74,7 +74,7 @@ class Scenario(Config):
         Name of the plant model (see `flexaxis.models_mjcf.MODEL_NAMES`), and name of one of its
         parameter sets.
     parameters : dict of str to float
-        Parameter values that override values of the preset [SI units].
+        Parameter values that override those of the preset [SI units].
     identify : tuple of str
         Names of the parameters to estimate. An estimator can also estimate the inverse of a
         parameter, such as ``"1/J_a"``.

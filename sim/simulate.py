@@ -85,7 +85,7 @@ def tracked(
 ) -> tuple[Array, NDArray[np.int64]]:
     """Simulate several runs, each of which has its own estimator in the control loop.
 
-    All runs use the same reference and the same noise, which are determined by one random seed.
+    One random seed determines the reference and the noise, which are the same in all runs.
 
     Parameters
     ----------

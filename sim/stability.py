@@ -59,7 +59,7 @@ def loop_problem(
 def _radius(
     parameters: AxisParameters, config: ControllerConfig, period: float, torque: int, late: int
 ) -> float:
-    """Return the spectral radius of the closed loop, which is the largest growth factor per sample.
+    """Return the spectral radius of the closed loop: the largest growth of a mode per sample.
 
     The state of the closed loop consists of the states of the controller, the plant and the delays.
     The function obtains the transition matrix by simulating one sample from each unit vector as the

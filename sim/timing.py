@@ -34,7 +34,7 @@ def sample_index(time: float, period: float) -> int:
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """Sampling instants of a run at which parameters and references are evaluated.
+    """Sampling instants of a run, at which parameters and references are evaluated.
 
     Attributes
     ----------

@@ -246,7 +246,7 @@ def select(names: Any, *, default: str = "smoke") -> Suite:
 
 
 def scenarios(*, group: str = "", find: str = "") -> list[Line]:
-    """Return the name, group, difficulty, faults and description (card) of all listed scenarios.
+    """Return the name, group, difficulty, faults and description (card) of each matching scenario.
 
     The entry ``faults`` of a scenario contains the names of the parameters that change.
 

@@ -206,7 +206,7 @@ def plan(path: Path) -> dict[str, Any]:
     Returns
     -------
     dict
-        The list ``variants`` contains one dict for each scenario and each combination of swept
+        The list ``variants`` contains one dict for each scenario with each combination of swept
         values. The entry ``cases`` is the number of estimator runs in the study. The entry
         ``seconds`` is the computing time on one core [s], estimated from a run of the registered
         estimators. The entry ``megabytes`` is the expected size of the results [MB].

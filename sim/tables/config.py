@@ -14,7 +14,7 @@ class Config(BaseModel):
 
 
 class Frozen(dict[str, float]):
-    """Dict of numbers that cannot be changed, which keeps the hash of a scenario valid."""
+    """Immutable dict of numbers, which keeps the hash of a scenario valid."""
 
     __slots__ = ()
 

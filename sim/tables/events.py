@@ -1,4 +1,4 @@
-"""Compute the changes of true parameters during a run."""
+"""Compute the changes in the true parameters during a run."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def changed(nominal: float, name: str, changes: Iterable[Fault], grid: Grid) -> 
     """Return the value of the parameter `name` at each sample, as an array (N,).
 
     The value is the product of the nominal value and the factors of all changes in `changes` that
-    affect the parameter `name`. The function ignores changes of other parameters.
+    affect the parameter `name`. The function ignores changes in other parameters.
     """
     factors = (change.factor_at(grid) for change in changes if meant(change.parameter) == name)
     return math.prod(factors, start=np.full(len(grid.k), nominal))

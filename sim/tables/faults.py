@@ -27,7 +27,7 @@ def changeable(names: Iterable[str]) -> tuple[str, ...]:
 
 
 Parameter = str
-"""Type of the name of a fault parameter; `Scenario` checks that the parameter can change."""
+"""Type of the parameter name in a fault; `Scenario` checks that the parameter can change."""
 
 # A number above 100 is likely a percentage or a parameter value, and not a factor.
 Factor = Annotated[float, Field(ge=0, le=100)]

@@ -36,7 +36,7 @@ class _CompiledLaw(Nonlinearity):
     """Keys of the scenario table whose values a record contains as parameters."""
 
     def build(self, spec: Any) -> None:
-        """Add the friction law to a model specification (`MjSpec`) of MuJoCo."""
+        """Add the friction law to a MuJoCo model specification (`MjSpec`)."""
         code = float(COMPILED_LAWS.index(type(self)))
         row = [MARK, code, *map(float, self.model_dump().values())]
         spec.add_numeric(name=type(self).__name__, size=WIDTH, data=row)
@@ -47,7 +47,7 @@ class _CompiledLaw(Nonlinearity):
         return {name: getattr(self, name) for name in self.parameters}
 
     def kept(self, law: Mapping[str, Any]) -> dict[Place, Any]:
-        """Return the MuJoCo values of the parameters in `law`, keyed by location in MuJoCo."""
+        """Return the MuJoCo values of the parameters in `law`, keyed by location in the model."""
         keys, owner = [*type(self).model_fields], type(self).__name__
         at = {name: Place("numeric_data", owner, 2 + keys.index(name)) for name in law}
         return {at[name]: value for name, value in law.items()}
@@ -67,7 +67,7 @@ class FrictionConfig(Nonlinearity):
     coulomb: Positive
 
     def build(self, spec: Any) -> None:
-        """Add the friction law to a model specification (`MjSpec`) of MuJoCo."""
+        """Add the friction law to a MuJoCo model specification (`MjSpec`)."""
         motor = spec.joint("motor")
         motor.frictionloss = self.coulomb
         # the engine's default friction is soft, which would cause errors of 50 %
@@ -79,7 +79,7 @@ class FrictionConfig(Nonlinearity):
         return {"f_c": self.coulomb}
 
     def kept(self, law: Mapping[str, Any]) -> dict[Place, Any]:
-        """Return the MuJoCo values of the parameters in `law`, keyed by location in MuJoCo."""
+        """Return the MuJoCo values of the parameters in `law`, keyed by location in the model."""
         return {Place("dof_frictionloss", "motor"): law["f_c"]}
 
     def in_words(self) -> str:
@@ -128,7 +128,7 @@ class LuGreConfig(Nonlinearity):
         return self
 
     def build(self, spec: Any) -> None:
-        """Add the friction law to a model specification (`MjSpec`) of MuJoCo."""
+        """Add the friction law to a MuJoCo model specification (`MjSpec`)."""
         law = [self.stiffness, self.damping, self.coulomb, self.static, self.stribeck]
         passive(spec, "lugre", lugre=law)
 
@@ -144,7 +144,7 @@ class LuGreConfig(Nonlinearity):
         }
 
     def kept(self, law: Mapping[str, Any]) -> dict[Place, Any]:
-        """Return the MuJoCo values of the parameters in `law`, keyed by location in MuJoCo."""
+        """Return the MuJoCo values of the parameters in `law`, keyed by location in the model."""
         return {
             Place("actuator_biasprm", "lugre", 3): law["f_c"],
             Place("actuator_biasprm", "lugre", 4): law["f_c"] + law["f_s"],
@@ -257,7 +257,7 @@ class GearFrictionConfig(_CompiledLaw):
     v_s : float
         Stribeck speed, above which the additional friction decays [rad/s].
     alpha : float
-        Exponent α of the decay of the additional friction.
+        Exponent α in the decay of the additional friction.
     smooth : float
         Speed v₀ [rad/s], below which a smooth function replaces the sign of the motor speed.
     """

@@ -44,7 +44,7 @@ class Nonlinearity(Config):
     substeps: ClassVar[int] = LINEAR_SUBSTEPS
 
     def build(self, spec: Any) -> None:
-        """Add the effect to a model specification (`MjSpec`) of MuJoCo."""
+        """Add the effect to a MuJoCo model specification (`MjSpec`)."""
         raise NotImplementedError
 
     @property
@@ -53,7 +53,7 @@ class Nonlinearity(Config):
         return {}
 
     def kept(self, law: Mapping[str, Any]) -> dict[Place, Any]:
-        """Return the MuJoCo values of the parameters in `law`, keyed by location in MuJoCo.
+        """Return the MuJoCo values of the parameters in `law`, keyed by location in the model.
 
         The returned dictionary is empty if the parameters cannot change during a run.
         """
@@ -89,7 +89,7 @@ class CoggingConfig(Nonlinearity):
     poles: int = Field(ge=1, le=500)
 
     def build(self, spec: Any) -> None:
-        """Add the effect to a model specification (`MjSpec`) of MuJoCo."""
+        """Add the effect to a MuJoCo model specification (`MjSpec`)."""
         passive(spec, "cogging", cogging=[self.amplitude, self.poles, 0.0])
 
     def in_words(self) -> str:
@@ -111,7 +111,7 @@ class BacklashConfig(Nonlinearity):
     gear: Positive
 
     def build(self, spec: Any) -> None:
-        """Add the effect to a model specification (`MjSpec`) of MuJoCo."""
+        """Add the effect to a MuJoCo model specification (`MjSpec`)."""
         spec.tendon("gear").springlength = [-self.gear / 2, self.gear / 2]
 
     @property
@@ -140,7 +140,7 @@ class StiffeningConfig(Nonlinearity):
     gear: Positive
 
     def build(self, spec: Any) -> None:
-        """Add the effect to a model specification (`MjSpec`) of MuJoCo."""
+        """Add the effect to a MuJoCo model specification (`MjSpec`)."""
         spring = spec.tendon("gear")
         spring.stiffness = [spring.stiffness[0], 0.0, self.gear * spring.stiffness[0]]
 
@@ -167,7 +167,7 @@ class SaturationConfig(Nonlinearity):
     torque: Positive
 
     def build(self, spec: Any) -> None:
-        """Add the effect to a model specification (`MjSpec`) of MuJoCo."""
+        """Add the effect to a MuJoCo model specification (`MjSpec`)."""
         spec.actuator("motor").forcerange = [-self.torque, self.torque]
 
     def in_words(self) -> str:
