@@ -129,7 +129,7 @@ def tunings() -> Mapping[str, Mapping[str, Any]]:
     ``command`` contains the command that determined the setting. The keys ``model``, ``identify``,
     ``period`` [s] and ``noise`` describe the tuning conditions. The model ``"n1"`` is the nominal
     axis, and ``noise`` is the standard deviation of the noise in y [rad/s]. The program uses a
-    tuned setting at every noise level.
+    tuned setting regardless of the noise level in y.
     """
     text = files("flexaxis.estimators").joinpath("tuned.toml").read_text(encoding="utf-8")
     return {table["estimator"]: table for table in tomllib.loads(text)["tuned"]}

@@ -140,7 +140,8 @@ def theta_of(
     names : sequence of str
         Names of the p estimated parameters.
     estimator : Estimator
-        Estimator that returned the value; the error message locates its method ``step``.
+        Estimator that returned the value; the error message gives the file and line of its method
+        ``step``.
 
     Returns
     -------

@@ -113,7 +113,7 @@ class _Unknown(EstimatorError, KeyError):
 
 
 class _Registry(Mapping[str, Entry]):
-    """Registry entries by estimator name, sorted by rank; the first access imports `methods`."""
+    """Registry entries keyed by estimator name, sorted by rank; first access imports `methods`."""
 
     def __getitem__(self, name: str) -> Entry:
         if name not in _entries():

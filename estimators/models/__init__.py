@@ -3,8 +3,8 @@
 Tables of formulas in the physical parameters define a model. The package `models` uses these tables
 to compute matrices, predictions and derivatives for any parameter values θ. `axes` contains the
 shipped models and reads other models from tables. `model` and `laws` represent a model as data.
-`series` integrates a model over one sample, and `reaction` and `law_torques` add the nonlinear
-torques. `discretisation` chooses the order of the power series for the state transition, which it
-can also compute with a matrix exponential. `memory` and `compiler` support the compilation of the
-filters.
+`series` integrates a model over one sample, and `implicit_torque` and `law_torques` add the
+nonlinear torques. `discretisation` chooses the order of the power series for the state transition,
+which it can also compute with a matrix exponential. `memory` and `compiler` support the compilation
+of the filters.
 """

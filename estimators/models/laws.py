@@ -253,7 +253,7 @@ class Law:
 
     @property
     def own(self) -> dict[str, str]:
-        """Names of the law's parameters, keyed by role, without parameters of the linear model."""
+        """Names of the law's parameters, keyed by role, except those of the linear model."""
         return {
             role: name
             for role, name in self.parameters.items()

@@ -1,9 +1,9 @@
 """
 The meaning of model parameters, derived from their position in the model equations.
 
-The functions in the module `meaning` do not use parameter names. For example, Coulomb friction is
-the parameter with the role ``coulomb`` in a friction law. Spring and damper parameters couple two
-states and are divided by an inertia.
+The functions in the module `parameter_meaning` do not use parameter names. For example, Coulomb
+friction is the parameter with the role ``coulomb`` in a friction law. Spring and damper parameters
+couple two states and are divided by an inertia.
 """
 
 from collections.abc import Sequence
@@ -56,8 +56,8 @@ def structure(model: Model) -> tuple[str, ...]:
     """
     Return the parameters of a linear model that are learnt only once.
 
-    The returned parameters include springs and dampers, which act between states, and at most one
-    inertia. The nominal values of springs, dampers and inertias are usually computed instead of
+    The returned parameters are those of springs and dampers, which act between states, and at most
+    one inertia. The nominal values of springs, dampers and inertias are usually computed instead of
     measured, and the true values do not change in use. If the model contains springs or dampers,
     the inertia on which the input acts is included, because the vibration modes determine the
     ratios of all inertias. If the model contains neither springs nor dampers, the inertia is

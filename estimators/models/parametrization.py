@@ -29,7 +29,7 @@ The field ``kind`` is the index of the law's kind in `KINDS`. The field ``memory
 the law's own state, or −1 for a law without a state. The field ``load`` is the index of the law
 that acts as the load, or −1 for a law without a load. The field ``force`` is the torque in the last
 step. The fields ``offset``, ``change`` and ``reach`` store intermediate results of the Newton
-search in `reaction`. For each role, the field ``parameter`` is the index i of an identified
+search in `implicit_torque`. For each role, the field ``parameter`` is the index i of an identified
 parameter, and the field ``value`` is a factor that multiplies θ_i. If ``parameter`` is −1,
 ``value`` is the parameter value itself. The field ``roles`` contains the values of the law's
 parameters at θ, and ``local`` contains the torque and its derivatives.

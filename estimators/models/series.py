@@ -37,7 +37,7 @@ SIZES = np.dtype(
     [(name, int) for name in ("n", "held", "order", "parts", "steps", "output")] + [("h", float)]
 )
 """
-Data type of the dimensions of a model.
+Record type for the dimensions of a model.
 
 The fields ``n`` and ``held`` are the numbers of states with and without nonlinear torques. The
 fields ``order``, ``parts`` and ``steps`` are the series order, the number of substeps per step and
@@ -269,7 +269,7 @@ def over_sample(axis, theta, X, u, laws):
     """
     Integrate X over a sample with constant input u by equations (17)–(23).
 
-    The nonlinear torques are added after each integration step.
+    The function adds the effects of the nonlinear torques after each integration step.
     """
     entries, slopes, sizes = axis.entries, axis.slopes, axis.sizes[0]
     drive, response, output, parts = axis.drive, axis.response, sizes["output"], sizes["parts"]

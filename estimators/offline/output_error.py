@@ -87,7 +87,8 @@ def output_error(
         Names of the fitted parameters or inverse parameters. All other parameters keep the nominal
         values of the model.
     start : (p,) array_like
-        Initial parameter values. The search is limited to 0.1 to 10 times the initial values.
+        Initial parameter values. The search is limited to the range from 0.1 to 10 times the
+        initial values.
     period : float
         Sampling period T [s].
     max_evaluations : int

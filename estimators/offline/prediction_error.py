@@ -2,12 +2,12 @@
 The prediction-error method, which fits all unknowns to a record with coloured noise.
 
 The disturbances of a real axis are not white noise. The disturbances are strongest at the
-resonances of the axis, and a plain output-error fit favours the resonance frequencies at the
-expense of all other frequencies. The prediction-error method therefore models the residual as an
+resonances of the axis, so a plain output-error fit favours the resonance frequencies at the expense
+of all other frequencies. The prediction-error method therefore models the residual as an
 autoregressive process. The inverse of the noise model filters the residual and the gradient, and
-the fit is repeated until convergence. The iteration follows *Generalized least squares estimation
-of the parameters of a dynamic model* (Clarke, 1967). The method filters the residual instead of the
-signals, and therefore also applies to nonlinear models.
+the fit is repeated until convergence. The iterative method comes from *Generalized least squares
+estimation of the parameters of a dynamic model* (Clarke, 1967). The method filters the residual
+instead of the signals, and therefore also applies to nonlinear models.
 """
 
 from dataclasses import dataclass, replace

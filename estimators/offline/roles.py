@@ -112,7 +112,7 @@ def known_better(model: Model, thought: Prior, deviations: Mapping[str, float]) 
 
 def seen(after: ArrayLike, before: ArrayLike) -> NDArray[np.bool_]:
     """
-    Return for each parameter whether the excitation has made the estimate much more accurate.
+    For each parameter, return whether the excitation has made the estimate much more accurate.
 
     Parameters without sufficient excitation should not be estimated, because their estimates would
     only compensate for model errors.

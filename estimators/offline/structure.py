@@ -175,7 +175,7 @@ def _acts(model: Model) -> Array:
 
 
 def _stored(model: Model, law: Law) -> Sizes:
-    """Return stored magnitudes of the nominal axis, or raise EstimatorError for another axis."""
+    """Return stored magnitudes of the nominal axis; raise EstimatorError for any other axis."""
     linear = three_mass(model.nominal) if set(N1) <= set(model.nominal) else None
     if linear is None or tuple(model.states[: len(linear.states)]) != tuple(linear.states):
         known = False
