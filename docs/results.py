@@ -99,7 +99,7 @@ def write(rows: pd.DataFrame, seeds: str) -> None:
 
 
 def draw_picture() -> None:
-    """Draw the medians and 10–90 % ranges of the estimates of two estimators around a fault."""
+    """Draw the medians and 10–90 % ranges of two estimators' estimates around a fault."""
     scenario, window = find_scenario("fm_step-v1"), (5.0, 20.0)
     seeds = tuple(range(1000, 1030))
     study = Study("fm_step", (scenario,), ("rpem-forgetting", RECOMMENDED), seeds)
@@ -116,8 +116,12 @@ def draw_picture() -> None:
 
 if __name__ == "__main__":
     options = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    options.add_argument("--seeds", default="3000:3020", help="seeds FROM:TO (default 3000:3020)")
-    options.add_argument("--jobs", type=int, default=2, help="worker processes (default 2)")
+    options.add_argument(
+        "--seeds", default="3000:3020", help="range of seeds, FROM:TO (default: 3000:3020)"
+    )
+    options.add_argument(
+        "--jobs", type=int, default=2, help="number of worker processes (default: 2)"
+    )
     options.add_argument("--picture", action="store_true", help="draw only the README figure")
     chosen = options.parse_args()
     if chosen.picture:

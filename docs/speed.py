@@ -45,7 +45,7 @@ def exponential():
 
 
 def estimators():
-    """Return the median `run` and `step` times per sample [µs] of all estimators."""
+    """Return the median times of `run` and `step` per sample [µs] for all estimators."""
     record = fx.simulate(SCENARIO, seed=0)
     u, y = record.torque, record.speed
     made = {name: build(parse(name), SCENARIO) for name in REGISTRY}
@@ -73,7 +73,7 @@ def speed():
 
 
 def longest(steps):
-    """Return a table with percentiles of the computing times of single `glr` steps.
+    """Return a table with percentiles of the computing time of one `glr` step.
 
     A fault occurs every 20 s. The function measures each step twice, and uses the shorter time.
     """
@@ -95,7 +95,7 @@ def longest(steps):
 
 
 def write(name, rows, command):
-    """Insert a table between the markers with the table name in docs/speed.md."""
+    """Insert a table into docs/speed.md, between the markers that contain the table name."""
     text = PAGE.read_text(encoding="utf-8")
     table = "".join(f"| {' | '.join(row)} |\n" for row in rows)
     below = f"\n*Measured with `{command}` and flexaxis {version('flexaxis')}.*\n"
@@ -106,7 +106,9 @@ def write(name, rows, command):
 
 if __name__ == "__main__":
     options = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    options.add_argument("--steps", type=int, default=200_000, help="glr steps (default 200000)")
+    options.add_argument(
+        "--steps", type=int, default=200_000, help="number of timed glr steps (default: 200000)"
+    )
     steps = options.parse_args().steps
     write("estimators", speed(), "python docs/speed.py")
     write("steps", longest(steps), f"python docs/speed.py --steps {steps}")

@@ -2,8 +2,8 @@
 
 To write the logs to a folder, run `python daily_logs.py FOLDER`. The simulated axis (scenario
 `wg_fc_step-v1`) repeats the same 20 s motion every morning. The friction falls by 1 % per kelvin.
-The dry friction increases by 12 % from day 30 to day 60. The column `temp` of each log contains the
-temperature. The file FOLDER/axis.toml contains data-sheet values with errors of up to 5 %.
+The dry friction increases by 12 % between day 30 and day 60. The column `temp` of each log contains
+the temperature. The file FOLDER/axis.toml contains data-sheet values with errors of up to 5 %.
 """
 
 import sys

@@ -1,4 +1,4 @@
-"""Estimate the motor friction from a work cycle, with unknown and with known torque constant."""
+"""Estimate the motor friction from a work cycle, with an unknown and a known torque constant."""
 
 import numpy as np
 

@@ -2,8 +2,8 @@
 
 The estimator name in flexaxis is `pipe:python docs/examples/pipe_friction.py`. The program predicts
 the motor speed, and computes the sensitivity of the predicted speed to f_m. The program does not
-import flexaxis, but uses the binary pipe protocol of flexaxis. The command `flexaxis new` writes
-similar programs in C and Octave.
+import flexaxis, but uses its binary pipe protocol. The command `flexaxis new` writes similar
+programs in C and Octave.
 """
 
 import struct
@@ -16,12 +16,12 @@ take, give = sys.stdin.buffer.read, sys.stdout.buffer.write
 
 
 def name():
-    """Read a zero-padded name of 32 bytes from the standard input."""
+    """Read a zero-padded 32-byte name from standard input."""
     return take(32).rstrip(b"\0").decode()
 
 
-# The header contains the period and the nominal values. The answer contains the output and the
-# names of the estimated parameters.
+# The header contains the period and the nominal values. The answer contains the kind of output and
+# the names of the estimated parameters.
 take(16)  # skip FLEXAXIS, version and byte order
 T, output, values, names = struct.unpack("<dIII", take(20))
 n = {name(): struct.unpack("<d", take(8))[0] for _ in range(values)}

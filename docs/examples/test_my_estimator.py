@@ -6,7 +6,7 @@ MINE = "my_estimator.py:Mine"
 
 
 def test_my_estimator_keeps_the_rules():
-    """Test the estimator class. If the test fails, the message lists the violated rules."""
+    """Test that the estimator obeys the rules. On failure, the message lists the violated rules."""
     rules = fx.check(MINE)
     broken = rules[[holds is False for holds in rules["holds"]]]
     assert broken.empty, broken.to_string()

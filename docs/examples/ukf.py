@@ -15,7 +15,7 @@ SUBSTEPS = 2
 
 
 class Ukf:
-    """Joint estimation of the axis state and the relative parameters (modelled as random walks)."""
+    """Estimate the axis state and the relative parameters (modelled as random walks) jointly."""
 
     names = ("k_T", "1/J_a", "f_m")  # entries of theta
     output = "speed"  # meaning of y
@@ -97,8 +97,9 @@ class Ukf:
         self.P *= np.outer(shrink, shrink)
 
     def _sampled(self, eta, x, u):
-        """Return the states (points, 5) one sample later, for the parameters eta (points, 3).
+        """Return the states of the sigma points one sample later.
 
+        The states x have the shape (points, 5), and the parameters eta have the shape (points, 3).
         The state x contains the motor-gear twist, the gear-arm twist, and the speeds of the motor,
         the gear and the arm.
         """

@@ -32,20 +32,23 @@ B = np.array([0, 0, k_T / J_m, 0, 0])
 
 # %% The poles
 # There are two pairs of complex poles and one real pole.
-# Question 1: what is the time constant of the decay of each mode?
+# Question 1: what is the decay time constant of each mode?
 poles = np.linalg.eigvals(A)
 for pole in sorted(poles, key=abs):
     print(f"{pole:24.2f}   |pole| {abs(pole):6.1f} rad/s   time constant {-1 / pole.real:.3f} s")
 
 # %% The same matrix from MuJoCo
-# The model in MuJoCo consists of bodies, joints and tendons and does not use A. The following code
+# The MuJoCo model consists of bodies, joints and tendons and does not use A. The following code
 # sets each state to 1 in turn, and computes the accelerations.
 model = mujoco.MjModel.from_xml_string(model_files("three_mass")[0])
 data = mujoco.MjData(model)
 
 
 def accelerations(twist_g, twist_a, speeds, torque):
-    """Return the accelerations (3,) of the three masses for given twists, speeds and torque."""
+    """Return the accelerations of the three masses for given twists, speeds and torque.
+
+    The accelerations are an array (3,).
+    """
     phi_a = 0.0
     phi_g = phi_a + twist_a
     phi_m = (phi_g + twist_g) / r
@@ -62,9 +65,9 @@ difference = np.abs(engine - equations).max() / np.abs(equations).max()
 print(f"largest relative difference between MuJoCo and the matrices A and B: {difference:.1e}")
 
 # %% The same motion
-# The torque is constant over each sample of 5 ms. The exact solution needs only one matrix
+# The torque is constant within each 5 ms sample. The exact solution needs only one matrix
 # exponential, while MuJoCo computes five Runge–Kutta steps per sample.
-# Question 2: why does `expm` give the exact solution, and when would it not be exact?
+# Question 2: why does `expm` give the exact solution, and when would this solution not be exact?
 rng = np.random.default_rng(1)
 torque = np.repeat(rng.standard_normal(100), 20)
 held = np.zeros((6, 6))

@@ -25,7 +25,7 @@ for name, power in zip(names, time_average, strict=True):
     print(f"mean square of the gradient for {name:6s} {power:8.1f}")
 
 # %% Is psi the derivative?
-# Always compare a gradient with finite differences before you use the gradient.
+# Always compare a gradient with finite differences before you use it.
 step = 1e-5 * model.theta[2]
 only_f_m = np.array([0, 0, step])
 up = predict(model, model.theta + only_f_m, record.torque, period=0.005)[0]
@@ -35,15 +35,15 @@ print(f"relative error of the gradient for f_m: {error:.1e}")
 
 # %% The same number from the spectrum
 # To evaluate equation (28), multiply the power of each spectral line of the torque by the squared
-# magnitude of the sensitivity at the frequency of this line, and add the products of all lines.
+# magnitude of the sensitivity at its frequency, and sum over all lines.
 omega, power = line_spectrum(record.torque[-4000:], period=0.005)
 from_spectrum = np.diag(information(model, model.theta, omega, power, period=0.005))
 ratio = time_average / from_spectrum
 print("ratio of the time average to the sum (28):", ratio.round(4))
 
 # %% Contribution of each frequency
-# Question 1: which frequencies contain the information about J_a, and which frequencies contain the
-# information about friction?
+# Question 1: which frequencies contain the information about J_a, and which contain the information
+# about friction?
 # Question 2: excitation causes wear. Which frequency band would you omit if you only needed f_m?
 _, slopes = frequency_response(model, model.theta, omega, period=0.005)
 share = np.cumsum(np.abs(slopes) ** 2 * power[:, None], axis=0)

@@ -2,7 +2,7 @@
 
 # %% Theory in two lines
 # With forgetting, P converges to (1 - lambda) Q^-1 (equation 29), the variance of the estimate is
-# sigma^2 P / 2, and an error decays as lambda^k. You can predict these three results before an
+# sigma^2 P / 2, and an error decays as lambda^k. You can predict these three quantities before an
 # experiment.
 import matplotlib.pyplot as plt
 import numpy as np
@@ -14,7 +14,7 @@ from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.sim.simulate import simulate
 
 SEEDS = range(1000, 1006)
-LAMBDAS = (0.98, 0.99, 0.995, 0.999)  # in rising order; the check needs 0.995
+LAMBDAS = (0.98, 0.99, 0.995, 0.999)  # in ascending order; the check needs 0.995
 names, T, sigma = ("k_T", "1/J_a", "f_m"), 0.005, 0.1
 scenario = find_scenario("fm_step-v1").override(
     {"name": "lab3", "duration": 40.0, "fault[0].at": 30.0}

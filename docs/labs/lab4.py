@@ -33,7 +33,10 @@ print(f"correlation of k_T and f_m: {correlation:.2f}")
 # two parameters is always 2 s.
 # Question 1: how do the noise of f_m and the noise of k_T change from design to design?
 def experiment(tau):
-    """Return the times and the predicted and measured f_m errors (1000,), and the f_m noise."""
+    """Return the times, the predicted and measured f_m errors, and the f_m noise.
+
+    The times and the errors have the shape (1000,).
+    """
     Delta = drift_for([2.0, 2.0, tau], Q, period=0.005)
     P = steady_P(Q, drift=Delta)
     after = T * np.arange(1000)

@@ -25,7 +25,10 @@ truth = axis.parametrize(names).theta * [1, 1, 1.5]
 # Question 1: by what factor does P grow?
 # Question 2: at which value does equation (12) stop the growth of P?
 def run(mu):
-    """Return the largest eigenvalue of P per sample (N,), and estimates / true values (N, 3)."""
+    """Return the largest eigenvalue of P, and the estimates divided by the true values.
+
+    The shapes are (N,) and (N, 3), where N is the number of samples.
+    """
     rpem = Rpem(
         axis,
         P0=known_P(names, forgetting=FORGETTING),
@@ -52,7 +55,7 @@ below.set_xlabel("time [s]")
 plt.show()
 
 # %% The error after the restart
-# Question 3: how do the estimates change while the axis moves if mu is much too large?
+# Question 3: if mu is much too large, how does it affect the estimates while the axis moves?
 print("  mu     peak of P   (1-lambda)/mu   largest error of k_T, 1/J_a after the restart")
 for mu, (largest, theta) in results.items():
     bound = (1 - FORGETTING) / mu if mu else np.inf

@@ -26,11 +26,11 @@ records = simulate(scenario, range(1000, 1008))
 
 # %% A detector
 # Without a fault, the ratio of epsilon^2 to its expected value has a mean of 1. In every sample,
-# the detector adds this ratio minus DRIFT = 1.5 to a sum, so the sum grows only after a change.
-# When the sum exceeds THRESHOLD, the detector raises an alarm.
+# the detector adds this ratio, minus DRIFT = 1.5, to a sum, which therefore grows only after a
+# change. When the sum exceeds THRESHOLD, the detector raises an alarm.
 # Question 1: what are the advantages and disadvantages of a small DRIFT and THRESHOLD?
 #
-# A reset causes a transient, so the detector raises no other alarm for DEAF samples after an alarm.
+# A reset causes a transient, so the detector is inactive for DEAF samples after each alarm.
 DRIFT, THRESHOLD, CLIP, DEAF = 1.5, 20.0, 9.0, 400
 
 
@@ -53,7 +53,7 @@ def follow(record, *, reset):
 
 
 def lag(theta):
-    """Return the lag of f_m [s], which is the integral of |error| / (fault size) over 5 s."""
+    """Return the lag of f_m [s], the integral of |error| over 5 s, divided by the fault size."""
     return T * np.sum(np.abs(theta[onset : onset + after, 2] - truth[2])) / size
 
 
@@ -83,8 +83,7 @@ for n, u in enumerate(record.torque[onset : onset + after]):
 lag_bound = T * np.minimum(1, np.sqrt(2 / np.pi) * bound / size).sum()
 
 # %% Comparison of forgetting, reset and bound
-# Question 2: how could you improve the method more: with faster alarms, or with a better reaction
-# to an alarm?
+# Question 2: which would improve the method more, faster alarms or a better reaction to an alarm?
 lag_plain = np.mean([lag(theta) for theta, _ in plain])
 lag_quick = np.mean([lag(theta) for theta, _ in quick])
 print(
@@ -101,10 +100,11 @@ plt.legend()
 plt.show()
 
 # %% Nominal values that are 5 % off
-# So far the estimators used exact values of the springs, dampers and inertias. In practice, these
-# values are never known exactly. In a second scenario, each value has a random error of 5 % that
-# depends on the seed. The axis and the records are the same. `glr` is the recommended estimator. It
-# detects the fault, identifies the changed parameter and corrects the estimate of this parameter.
+# So far, the estimators have used exact values of the springs, dampers and inertias. In practice,
+# these values are never known exactly. In a second scenario, each value has a random error of 5 %
+# that depends on the seed. The axis and the records are the same. `glr` is the recommended
+# estimator. It detects the fault, identifies the changed parameter and corrects the estimate of
+# this parameter.
 # Question 3: what causes the error before the fault? Would more data reduce the error?
 # Question 4: what do the errors of k_T, J_a and f_m in glr have in common? Why do these errors make
 # the lag of glr longer than the bound?
@@ -130,7 +130,7 @@ named = results["glr", "5 % off"][2]
 off = 100 * (theta[onset - 1, :3] / nominal) ** [1, -1, 1] - 100
 print("errors in the last run of glr: k_T {:+.1f} %, J_a {:+.1f} %, f_m {:+.1f} %".format(*off))
 print(
-    f"with 5 % errors in the nominal values, glr reports a change of f_m only "
+    f"with 5 % errors in the nominal values, glr reports a change in f_m alone "
     f"in {named} of {len(records)} runs"
 )
 

@@ -38,7 +38,7 @@ v = np.array([record.true_speed[:onset] for record in records["f_m"]])
 expected = f_c * np.mean(abs(v)) / np.mean(v**2) / f_m
 before = slice(1000, onset)
 seen = np.mean([linear(record)[before] for record in records["f_m"]]) / f_m - 1
-print(f"f_m of a linear estimator: {100 * seen:+.0f} %, expected {100 * expected:+.0f} %")
+print(f"f_m error of a linear estimator: {100 * seen:+.0f} %, expected {100 * expected:+.0f} %")
 
 # %% An estimator that knows the friction law, but not the values of f_m and f_c
 # Question 2: the linear estimator attributes both faults to f_m. What does the estimator with the
@@ -75,12 +75,12 @@ plt.show()
 
 # %% The best possible accuracy of a motion
 # In this cell, ψ is the gradient of the model with dry friction. The smallest possible covariance
-# is the inverse of Σψψᵀ/σ².
+# of the estimates is the inverse of Σψψᵀ/σ².
 # Question 3: point-to-point moves separate f_m from f_c better than the multisine does. However,
 # the moves determine neither f_m nor f_c if certain other parameters are unknown. Which parameters
 # are these, and why?
 def least(scenario, record, unknown):
-    """Return the Cramér–Rao bounds of f_m and f_c after 10 s [%], and the error correlation."""
+    """Return the Cramér–Rao bounds [%] on f_m and f_c after 10 s, and the error correlation."""
     theta = scenario.true_parameters()[0]
     model = true_model(scenario, theta).parametrize(unknown)
     at = model_theta(scenario, unknown, theta)

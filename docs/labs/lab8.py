@@ -1,9 +1,9 @@
 """Lab 8: the benefit of parameter tracking for the controller."""
 
 # %% Data
-# The controller in these scenarios has a feed-forward, the torque (f_m v + J a) / k_T that the
-# desired motion requires. In the first scenario, f_m increases by 50 % during the run. In the
-# second scenario, the inertia of the arm doubles.
+# The controller in these scenarios feeds forward (f_m v + J a) / k_T, the torque that the desired
+# motion requires. In the first scenario, f_m increases by 50 % during the run. In the second
+# scenario, the inertia of the arm doubles.
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -19,8 +19,8 @@ memory = (0.98, 0.99, 0.995, 0.998)
 names = [f"rpem-forgetting[forgetting={x}]" for x in memory]
 
 # %% Without an estimator
-# Question 1: the controller has integral action. Why does this integral action not compensate for
-# the friction that the feed-forward does not include?
+# Question 1: the controller has integral action. Why does it not compensate for the friction that
+# the feed-forward omits?
 rows = {}
 for p, scenario in scenarios.items():
     table = fx.benchmark(names, scenarios=scenario, seeds=[seed]).to_dataframe()
@@ -32,8 +32,8 @@ for p, scenario in scenarios.items():
 # %% With an estimator
 # Question 2: does the estimator with the smallest lag recover the largest part of the lost
 # accuracy? What other property of the estimates is important?
-# Question 3: even with a lag of 4 s (of at most 5 s), most of the loss due to J_a is recovered. Why
-# is this possible? Which parameters other than J_a has the estimator changed?
+# Question 3: even with a lag of 4 s (the maximum is 5 s), most of the loss due to J_a is recovered.
+# Why is this possible? Which parameters other than J_a has the estimator changed?
 lags, worths = {}, {}
 for p, parameter in (("f_m", "f_m"), ("J_a", "1/J_a")):
     lags[p] = np.array([rows[p]["lag"][name, parameter] for name in names])

@@ -23,7 +23,7 @@ def write(folder: Path) -> None:
         text = "\n\n".join(page()) + "\n"
         target = folder / f"{name}.md"
         if not target.exists() or target.read_text(encoding="utf-8") != text:
-            target.write_text(text, encoding="utf-8")  # Sphinx reads every file with a new time
+            target.write_text(text, encoding="utf-8")  # Sphinx re-reads each rewritten file
 
 
 def table(heads, rows):
