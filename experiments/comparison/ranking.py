@@ -28,9 +28,10 @@ def leaders(values: Mapping[str, Scores], *, most: bool = False) -> list[str]:
 
     The function compares pairs of estimators on their common seeds. For each estimator, the
     function counts the other estimators that are better on average. The best estimator is the one
-    with the smallest count. The function uses the same seeds to select the best estimator and to
-    test all other estimators. Therefore the significance level is corrected for all k(k−1)/2 pairs
-    of k estimators, with Bonferroni's method for the selection and Holm's method for the tests.
+    for which the number of better estimators is smallest. The function uses the same seeds to
+    select the best estimator and to test all other estimators. Therefore the significance level is
+    corrected for all k(k−1)/2 pairs of k estimators, with Bonferroni's method for the selection and
+    Holm's method for the tests.
 
     Parameters
     ----------

@@ -2,7 +2,7 @@
 
 A single setting of each estimator is not enough for a ranking, because an estimator that forgets
 faster reacts faster but is noisier. Therefore each estimator runs at several settings, and the
-module `matching` interpolates the lag to the noise level of a reference estimator. For a single
+module `equal_noise` interpolates the lag to the noise level of a reference estimator. For a single
 fault, the noise level is the standard deviation of the changing parameter's estimate before the
 fault. For all faults together, the noise level is the excess prediction error, which has no unit.
 The code calls a tuning parameter a knob.

@@ -1,9 +1,9 @@
 """Compare two estimators at equal noise: tune both to the same noise, then compare their lags.
 
-The tuning uses its own seeds and makes both estimators as noisy as a reference estimator. On the
-seeds of the comparison, the noise of the two estimators still differs by chance. Therefore the
-candidate also runs at neighbouring settings, and its lag is interpolated to exactly the noise of
-the base (`flexaxis.experiments.comparison.sweep`).
+The tuning uses its own seeds and makes both estimators as noisy as a reference estimator. With the
+seeds of the comparison, the noise levels of the two estimators still differ by chance. Therefore
+the candidate also runs at neighbouring settings, and its lag is interpolated to exactly the noise
+of the base (`flexaxis.experiments.comparison.sweep`).
 """
 
 from collections.abc import Sequence

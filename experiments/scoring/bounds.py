@@ -64,7 +64,7 @@ def cramer_rao(
     theta : (p,) array_like
         Parameters after the jump.
     prior : (p, p) array_like, optional
-        Information matrix at the time of the jump. The default is P_b⁻¹/σ².
+        Information matrix of the parameters at the time of the jump. The default is P_b⁻¹/σ².
     """
     psi = np.asarray(psi, float)
     if prior is None:

@@ -30,7 +30,7 @@ def detection(
         Names of the estimated parameters.
     findings : sequence, optional
         Changes that the estimator reports (findings). Each finding has the attributes ``alarm``
-        (sample of the alarm) and ``parameters`` (names of the parameters that changed).
+        (sample index of the alarm) and ``parameters`` (names of the parameters that changed).
 
     Returns
     -------

@@ -27,8 +27,8 @@ def information(scenario: Scenario) -> Array | None:
     of the parameters. The matrix M is E ψψᵀ/σ², where ψ is the predictor gradient with respect to
     all identified parameters, scaled to % of nominal, and σ² is the noise variance. The expectation
     E is a time average in steady state, for the reference motion of the scenario and nominal
-    parameters. The model is linear, so the rows and columns for parameters of nonlinear laws are
-    zero. The function returns None if there is no noise, or if the scenario identifies only
+    parameters. The model is linear, so the rows and columns of M for parameters of nonlinear laws
+    are zero. The function returns None if there is no noise, or if the scenario identifies only
     parameters of nonlinear laws.
     """
     variance = noise_variance(scenario)

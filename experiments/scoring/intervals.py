@@ -312,7 +312,7 @@ def difference(first: ArrayLike, second: ArrayLike) -> tuple[int, float, float]:
     Parameters
     ----------
     first, second : array_like (n,) of float or None
-        Values of a score for two estimators and the same seeds. Undefined values are None or NaN.
+        Scores of two estimators for the same seeds. Undefined values are None or NaN.
     """
     d = np.array(first, float) - np.array(second, float)
     d = d[~np.isnan(d)]

@@ -32,7 +32,7 @@ _RUN: ContextVar[Torque] = ContextVar("run", default=_simulated)
 
 @contextmanager
 def nominal_runs(torque: Torque) -> Iterator[None]:
-    """Replace the simulation of nominal runs within a context, for example by a record cache."""
+    """Within a context, replace the simulation of nominal runs, for example by a record cache."""
     before = _RUN.set(torque)
     try:
         yield

@@ -151,8 +151,8 @@ SCORES: Mapping[str, Score] = {
             "std_after",
             scores.std_after_of,
             "Standard deviation of the estimation error in the last 2 s of the window after the "
-            "fault. The std after a fault reveals estimators whose std before the fault is low "
-            "only because their estimates hardly change.",
+            "fault. A large std after a fault reveals an estimator whose std before the fault is "
+            "small only because its estimates hardly change.",
             unit="%",
             better="less",
             pool=pooling.deviation("bias_after", "lost_after"),

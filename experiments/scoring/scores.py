@@ -89,8 +89,8 @@ class Track:
         Innovations y − ŷ, computed before the estimator uses y, and the innovation variances that
         the estimator reports.
     findings : sequence, optional
-        Changes that the estimator reports, each with attributes ``alarm`` (sample of the alarm) and
-        ``parameters`` (names of the parameters that changed).
+        Changes that the estimator reports, each with attributes ``alarm`` (sample index of the
+        alarm) and ``parameters`` (names of the parameters that changed).
     failed : bool
         Whether the estimator raised an exception or its process died. A failed estimator has no
         estimates.
@@ -201,7 +201,7 @@ class Track:
         return [self.error[w.start : w.stop, i] / w.D for w in self.windows_of(i)]
 
     def ends(self, i: int) -> Array:
-        """Return the errors of parameter i in the last 2 s of all windows longer than 2 s [%]."""
+        """Return the errors of parameter i [%] in the last 2 s of each window longer than 2 s."""
         length = round(AFTER / self.scenario.period)
         parts = [
             self.percent[w.stop - length : w.stop, i]
