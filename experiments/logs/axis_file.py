@@ -1,4 +1,4 @@
-"""Read and write an axis file, which contains a model, nominal values, delay and noise filter."""
+"""Read and write axis files, which contain a model, nominal values, a delay and a noise filter."""
 
 from __future__ import annotations
 
@@ -47,14 +47,14 @@ class Axis(BaseModel):
         Sampling rate [Hz] of the log from which the axis was identified, or None if it is unknown.
         The whitening filter and the noise are valid only for this rate.
     whitening : tuple of float
-        Coefficients of the filter that makes the residuals white. The default (1,) is no filter.
+        Coefficients of the filter that makes the residuals white. The default (1,) means no filter.
     deviation : dict of str to float
-        Known standard deviations of nominal values.
+        Standard deviations of the nominal values, where known.
     beside : dict of str to float
         Gains of the gravity torque, in the unit of the logged torque. The gain `g_sin` multiplies
         −sin φ and the gain `g_cos` multiplies −cos φ, where φ is the load angle.
     problems : list of str
-        Problems because of which the identified values cannot be used.
+        Reasons why the identified values cannot be used.
     """
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
@@ -101,7 +101,7 @@ class Axis(BaseModel):
             raise LogError(
                 f"the axis was identified at {self.rate:.6g} Hz, and its noise filter is valid "
                 f"only for this rate. The sampling rate of the log is {1 / period:.6g} Hz. Import "
-                f"the log with --resample {self.rate:.6g}, or identify the axis at the new rate"
+                f"the log with --resample {self.rate:.6g}, or identify the axis from this log"
             )
 
     def save(self, path: Path) -> None:
@@ -142,17 +142,17 @@ def find_axis(text: str) -> Axis:
 
 
 def valid_of(record: Record) -> NDArray[np.bool_]:
-    """Return flags (N,) that are True for the samples of a record with a valid output."""
+    """Return a mask (N,) of the samples of a record that have a valid output."""
     return np.ones(len(record.time), bool) if record.valid is None else record.valid
 
 
 def usable(record: Record) -> NDArray[np.bool_]:
-    """Return flags (N,) that are True for the samples with a valid output after the burn-in."""
+    """Return a mask (N,) of the samples after the burn-in that have a valid output."""
     return valid_of(record) & (record.time - record.time[0] >= record.burn_in)
 
 
 def output_of(record: Record) -> tuple[str, NDArray[np.float64]]:
-    """Return the name and values (N,) of the output: the increment if it exists, else the speed."""
+    """Return the name of the output (increment if it exists, else speed) and its values (N,)."""
     if record.increment is None:
         return "speed", np.asarray(record.speed)
     return "increment", record.increment

@@ -1,10 +1,11 @@
 """Find steps and drifts of parameters in a sequence of estimates or in a record.
 
 The estimates of n windows or logs are modelled as the sum of a level, the effects of covariates
-and at most one change. The change is a drift (a cubic polynomial) or a step. The step is at the
-position with the greatest likelihood ratio (M. Basseville and I. Nikiforov, *Detection of Abrupt
-Changes*, 1993, section 2.4). A threshold from the F distribution, with a Bonferroni correction for
-the number of positions, keeps the probability of a false alarm below the chosen limit.
+(such as a temperature) and at most one change. The change is a drift (a cubic polynomial) or a
+step. The step is placed where the likelihood ratio is greatest (M. Basseville and I. Nikiforov,
+*Detection of Abrupt Changes*, 1993, section 2.4). A threshold from the F distribution, with a
+Bonferroni correction for the number of positions, keeps the probability of a false alarm below the
+chosen limit.
 """
 
 from __future__ import annotations
@@ -38,22 +39,21 @@ DEGREE = 3  # degree of the polynomial that describes a drift
 
 @dataclass(frozen=True)
 class Explained:
-    """A fit of a level, the effects of covariates and at most one change to a sequence.
+    """A sequence, fitted by a level, the effects of covariates and at most one change.
 
     Attributes
     ----------
     kind : {"constant", "step", "drift"}
         Kind of the change.
     begin, end : int
-        Indices of the two extremes of the change, in order of time. For a step, `end` is the index
-        of the first value after the step.
+        Indices of the two extremes of the change, in chronological order. For a step, `end` is the
+        index of the first value after the step.
     size, deviation : float
-        Size of the change from `begin` to `end` relative to the level, and the standard deviation
-        of this size.
+        Size of the change from `begin` to `end`, relative to the level, and its standard deviation.
     level : float
-        Estimated value before the change, for covariates at their mean values.
+        Estimated value before the change, with the covariates at their mean values.
     slopes, slope_deviations : ndarray (q,)
-        Change of the value per unit of each covariate, and the standard deviation of this change.
+        Effect of each covariate (change in the value per unit), and its standard deviation.
     fitted : ndarray (n,)
         Sum of the level, the effects of the covariates and the change.
     left : float
@@ -76,12 +76,12 @@ class Explained:
 
 
 def explain(value: Array, deviation: Array, covariates: Array, *, false_alarms: float) -> Explained:
-    """Fit the effects of covariates to a sequence, and one change if this change is significant.
+    """Fit the effects of covariates to a sequence, and also one change if it is significant.
 
     Parameters
     ----------
     value, deviation : ndarray (n,)
-        Estimates in order of time, and their reported standard deviations.
+        Estimates in chronological order, and their reported standard deviations.
     covariates : ndarray (n, q)
         Values of the q covariates for each estimate.
     false_alarms : float
@@ -181,8 +181,8 @@ def changes_along(
     ----------
     look : callable
         Function of the unknowns. ``look(z)`` returns the prediction errors ε (N,) of the usable
-        samples, and the gradient (N, q) of the prediction with respect to relative changes of the
-        parameters and to the initial states.
+        samples, and the gradient (N, q) of the prediction with respect to relative parameter
+        changes and to initial states.
     time : ndarray (N,)
         Times of the usable samples [s].
     z : ndarray (q,)
@@ -193,8 +193,8 @@ def changes_along(
     Returns
     -------
     changes : list of Change
-        If the most significant change is a drift, all drifts. If it is a step, all steps at the
-        same time.
+        If the most significant change is a drift, the list contains all drifts. If it is a step,
+        the list contains all steps at the same time.
     unseen : list of str
         Parameters whose changes cannot be detected in this record.
     """
@@ -214,18 +214,19 @@ def changes_along(
 def changes_in(
     time: Array, error: Array, J: Array, names: Sequence[str]
 ) -> tuple[list[Change], list[str]]:
-    """Return the changes, most significant first, and the parameters with undetectable changes.
+    """Return changes in order of significance, and the parameters whose changes are undetectable.
 
-    A small change Δθ of the parameters causes the errors ε ≈ ψᵀ Δθ. This approximation is the local
-    approach of M. Basseville and I. Nikiforov, *Detection of Abrupt Changes* (1993), chapter 8. A
-    least-squares fit in each of forty windows gives forty nearly independent estimates of Δθ. In
-    these estimates, `explain` finds a step or a drift. A window is ignored if it contains little
-    information, or if no parameter values explain its errors.
+    A small change Δθ of the parameters causes the errors ε ≈ ψᵀ Δθ, where ψ is the gradient of the
+    prediction. This approximation is the local approach of M. Basseville and I. Nikiforov,
+    *Detection of Abrupt Changes* (1993), chapter 8. A least-squares fit in each of forty windows
+    gives forty nearly independent estimates of Δθ. `explain` finds a step or a drift in these
+    estimates. A window is ignored if it contains little information, or if no parameter values
+    explain its errors.
 
     Parameters
     ----------
     time, error : ndarray (N,)
-        Times [s] and errors ε of the usable samples.
+        Times [s] and prediction errors ε of the usable samples.
     J : ndarray (N, q)
         Gradient of the prediction with respect to relative changes of the parameters. The first
         columns belong to the parameters `names`.
@@ -251,7 +252,7 @@ def changes_in(
 
 
 def _windows(time: Array, error: Array, J: Array, p: int) -> tuple[Array, Array, Array]:
-    """Return times (m, 2), estimates and standard deviations (m, p) of m informative windows."""
+    """Return m informative windows: limits (m, 2) [s], estimates and standard deviations (m, p)."""
     parts = [k for k in np.array_split(np.arange(len(time)), WINDOWS) if len(k) > 10 * J.shape[1]]
     inverses = [np.linalg.pinv(J[k], rcond=1e-8) for k in parts]
     every = [one @ error[k] for one, k in zip(inverses, parts, strict=True)]
@@ -270,7 +271,7 @@ def _windows(time: Array, error: Array, J: Array, p: int) -> tuple[Array, Array,
 
 
 def _fitted_to(look: Look, inside: Flags, z: Array, p: int) -> Array:
-    """Fit the unknowns (q,), `p` of them parameters, to the samples `inside` by least squares."""
+    """Fit q unknowns, of which `p` are parameters, to the samples `inside` by least squares."""
     for _ in range(STEPS):
         error, J = look(z)
         step = np.linalg.lstsq(J[inside], error[inside])[0]

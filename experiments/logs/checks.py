@@ -17,7 +17,7 @@ from flexaxis.experiments.logs.units import SI
 from flexaxis.sim.record import Record
 
 Row = tuple[Any, ...]
-"""Severity and text of a finding, and optionally the option that solves the problem."""
+"""Severity and text of a finding, and the option that solves the problem, if there is one."""
 
 FASTEST = 1e4  # maximum plausible motor speed [rad/s]; even milling spindles are slower
 MISSING, CLIPPED = 20.0, 1.0  # maximum percentages of missing and clipped samples of a usable log
@@ -32,7 +32,7 @@ SAME = 0.15  # maximum relative difference between a measured ratio and the fact
 STANDS = 0.5  # minimum fraction of samples of a held torque that equal the previous sample
 LOWEST = 0.1  # fraction of the power of the torque that counts as low-frequency
 RATIOS = {"speed=rpm": 9.55, "speed=deg/s": 57.3, "speed=rev/s": 0.159, "angle=deg": 0.01745}
-"""Ratio of speed to slope of the angle, if a signal in the unit of the key is read as SI."""
+"""Ratio of the speed to the slope of the angle, if a signal in the given unit is read as SI."""
 OTHERS = {"time": "ms or us", "angle": "deg, rev or mm", "speed": "rpm, deg/s or mm/s"}
 """Common units of each signal, other than the unit that flexaxis assumes."""
 _MEASURED = re.compile(r"meas|actual|\bact\b|_act|current|_ad|feedback|\bi_?q\b|effort", re.I)
@@ -42,15 +42,15 @@ _COMMAND = re.compile(r"ref|cmd|command|set|desired|demand|target", re.I)
 def examine(raw: Raw, record: Record) -> tuple[Finding, ...]:
     """Return the findings of all checks of a log, after `refuse_nonsense` has checked the units.
 
-    If the motion has outliers, the signs are not checked, because outliers hide the relation
-    between torque and motion.
+    If the motion has outliers, the signs of torque and motion are not checked, because outliers
+    hide the relation between torque and motion.
 
     Parameters
     ----------
     raw : Raw
         Signals of the log at the logged sampling times.
     record : Record
-        Record of the log with even sampling.
+        Evenly sampled record of the log.
     """
     refuse_nonsense(raw, record)
     motion = raw.signals[raw.motion]
@@ -73,7 +73,7 @@ def examine(raw: Raw, record: Record) -> tuple[Finding, ...]:
 
 
 def time_stamps(raw: Raw, record: Record) -> Row:
-    """Return a finding on the sampling rate, corrected time stamps and missing samples."""
+    """Return a finding on the sampling rate, uneven time stamps and missing samples."""
     valid, rate = valid_of(record), 1 / record.period
     missing, gaps = 100 * np.mean(~valid), np.diff(gaps_of(valid))
     steps = np.diff(raw.time) / np.median(np.diff(raw.time))
@@ -87,8 +87,8 @@ def time_stamps(raw: Raw, record: Record) -> Row:
     if np.std(steps - np.rint(steps)) > JITTER or (missing >= ROUNDED and gaps.max() <= 2):
         even = (len(raw.time) - 1) / np.ptp(raw.time)
         texts.append(
-            "the time stamps are uneven; if the sampling was even and no row is missing, use "
-            f"--rate {even:.5g} instead of the time column"
+            "the time stamps are uneven; if the samples are in fact evenly spaced and no row is "
+            f"missing, use --rate {even:.5g} instead of the time column"
         )
     kind = "problem" if missing >= MISSING else "note" if texts[1:] else "ok"
     return kind, "; ".join(texts)
@@ -110,7 +110,7 @@ def wrapping(raw: Raw) -> Row | None:
 
 
 def clipping(u: Array) -> Row:
-    """Return a finding that states whether successive torques u (N,) are at the same limit."""
+    """Return a finding that states whether the torque u (N,) stays at a limit for some samples."""
     u = u[np.isfinite(u)]
     limit = (u == u.max()) | (u == u.min())
     share = 100 * np.mean(limit[2:] & limit[1:-1] & limit[:-2])
@@ -138,8 +138,8 @@ def clocks(raw: Raw, period: float) -> Row:
     n = max(slow.values())
     text = (
         f"only every {n}th sample of {' and '.join(slow)} is new, and the other samples are "
-        "repeated or interpolated. Log torque and motion with one clock, or reduce the sampling "
-        "rate"
+        "repeated or interpolated. Log torque and motion with the same clock, or reduce the "
+        "sampling rate"
     )
     return "problem", text, f"--resample {1 / period / n:.6g}"
 
@@ -150,10 +150,10 @@ def units(raw: Raw, period: float) -> Row:
     assumed = [name for name in OTHERS if name in doubtful]
     if not assumed:
         return "ok", "the log or the options state all units"
-    taken = " and ".join(f"the {name} in {SI[name]} (not {OTHERS[name]})" for name in assumed)
+    taken = " and ".join(f"the {name} is in {SI[name]} (not {OTHERS[name]})" for name in assumed)
     text = (
-        f"the log does not state all units, so flexaxis assumes {taken}. With a wrong unit, all "
-        "estimates are scaled, and no other check can detect this error. Give the true unit"
+        f"the log does not state all units, so flexaxis assumes that {taken}. A wrong unit scales "
+        "all estimates, and no other check can detect this error. Give the true unit"
     )
     return "note", text, " ".join(f"--unit {name}=UNIT" for name in assumed)
 
@@ -162,7 +162,7 @@ def refuse_nonsense(raw: Raw, record: Record) -> None:
     """Raise a LogError if the unit of a signal is implausible.
 
     A unit that the file or an option states is rejected only if the ratio of the speed to the slope
-    of the angle shows that this unit is wrong.
+    of the angle contradicts it.
     """
     if 355 < raw.turn < 365 and "angle" not in raw.unit:
         raise LogError(
@@ -191,26 +191,26 @@ def refuse_nonsense(raw: Raw, record: Record) -> None:
 
 
 def outlying(name: str, times: Array) -> Row:
-    """Return a finding on outliers of the motion at the given times [s]."""
+    """Return a finding on outliers in the motion at the given times [s]."""
     if not len(times):
         return "ok", "the motion has no outliers"
     at = ", ".join(f"{t:.6g}" for t in times[:4]) + " …" * (len(times) > 4)
     text = (
-        f"the {name} jumps and returns within a few samples at {at} s ({len(times)} samples). No "
-        "axis can move in this way, and such outliers spoil all estimates. Empty the cells with "
-        "outliers in the log, because empty cells are ignored. If an encoder counter wraps at "
-        "these times, give --counts N"
+        f"the {name} jumps and returns within a few samples at {at} s ({len(times)} outliers). No "
+        "axis can move in this way, and such outliers spoil all estimates. Empty the cells that "
+        "contain outliers; empty cells are ignored. If an encoder counter wraps at these times, "
+        "give --counts N"
     )
     return "problem", text
 
 
 def outliers(x: Array) -> Flags:
-    """Return flags (N,) of outliers, which differ from their neighbours for at most three samples.
+    """Return a mask (N,) of outliers: runs of at most three samples far from their neighbours.
 
-    A Hampel filter compares the distance of a sample from the median of seven samples with the 95th
-    percentile of all distances. In a signal without noise, the distance is 0 while the motion keeps
-    its direction, and the distance is small when the motion reverses. Therefore the distance of an
-    outlier must also exceed five times the 95th percentile of the moves per sample.
+    A Hampel filter compares the distance of each sample from the median of seven samples with the
+    95th percentile of all such distances. In a signal without noise, this distance is 0 while the
+    motion keeps its direction, and small when the motion reverses. Therefore the distance of an
+    outlier must also exceed five times the 95th percentile of the changes per sample.
 
     Examples
     --------
@@ -260,7 +260,7 @@ def torque_kind(raw: Raw, stated: str | None, column: str) -> tuple[str, str]:
     measured = _MEASURED.search(column) and not _COMMAND.search(column)
     kind, other = ("smooth", "held") if measured else ("held", "smooth")
     return kind, (
-        f"assumed from the column name {column}; a command is held, and a measured current is "
-        f"smooth; if the assumption is wrong, give --torque-is {other}, or the delay will have an "
-        "error of half a sample"
+        f"assumed from the column name {column}, because a command is held and a measured current "
+        f"is smooth; if the assumption is wrong, give --torque-is {other}, or the delay will be "
+        "wrong by half a sample"
     )

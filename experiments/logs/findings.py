@@ -1,4 +1,4 @@
-"""Findings about a log with severity, text and remedy, and the error for an unusable log."""
+"""Findings (severity, text, remedy) about a log, and the error for a log that cannot be used."""
 
 from __future__ import annotations
 

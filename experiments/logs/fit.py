@@ -66,7 +66,7 @@ class Setup:
     beside : mapping of str to ndarray (N,)
         Additional torques. The fit estimates a gain for each additional torque.
     early : float
-        Number of samples by which a held torque may act before it is logged.
+        Maximum time by which a held torque may act before it is logged [samples].
     """
 
     log: Log
@@ -97,16 +97,16 @@ class Setup:
 
     @property
     def _later(self) -> int:
-        """Number of samples after a gap in which the unknown torque of the gap may still act."""
+        """Number of samples after a gap that the unknown torque in the gap may still affect."""
         latest = max(self.delay, 0.0) if self.timed else self.latest
         return int(np.ceil(latest / self.log.period - 1e-9)) + self.log.smooth
 
     @cached_property
     def ok(self) -> Flags:
-        """Flags (N,) of the samples that are fitted.
+        """Mask (N,) of the samples that are fitted.
 
         The first sample of each segment is excluded. Because of the torque delay, the unknown
-        torque in a gap also acts after the gap. The samples in this time are excluded as well.
+        torque in a gap still acts on some samples after the gap. These are excluded as well.
         """
         ok = self.log.ok.copy()
         for begin in self.begins[1:]:
@@ -125,7 +125,7 @@ class Setup:
         return max(LATEST[0], LATEST[1] * self.log.period)
 
     def problem(self, without: Flags | None = None) -> Problem:
-        """Return the least-squares problem of the fit, without the samples flagged in `without`."""
+        """Return the least-squares problem of the fit without the samples marked in `without`."""
         log, begins, n = self.log, tuple(self.begins), len(self.model.states)
         model = SIGNALS[log.output].predicted(self.model, log.period).parametrize(self.names)
         beside = np.array([*self.beside.values()]).reshape(-1, len(log.u))
@@ -165,15 +165,15 @@ class Setup:
     def solve(
         self, z: Array | None = None, *, without: Flags | None = None, **options: Any
     ) -> Fitted:
-        """Fit the model, starting at the values `z` of the unknowns (default: nominal values).
+        """Fit the model, starting at the values `z` of the unknowns, or else at the nominal values.
 
-        The samples flagged in `without` are not fitted. The `options` are passed to `Problem.fit`.
+        The samples marked in `without` are not fitted. The `options` are passed to `Problem.fit`.
         """
         problem = self.problem(without)
         return problem.fit(self.begun(problem).z if z is None else z, **options)
 
     def begun(self, problem: Problem, offset: float = 0.0) -> Fitted:
-        """Fit the initial states, gains and offset at fixed parameters, assuming white noise."""
+        """Fit the initial states, gains and offset with fixed parameters, assuming white noise."""
         along, held = problem.trajectory, problem.held.copy()
         held[: along.p] = held[-1] = True
         rest, gains = replace(problem, held=held), np.zeros(len(self.beside))
@@ -181,13 +181,13 @@ class Setup:
         return rest.descend(rest.at(z, np.ones(1)), SETTLING)[0]
 
     def having(self, values: Mapping[str, float]) -> Setup:
-        """Return a copy of the setup with other nominal values of the identified parameters."""
+        """Return a copy of the setup with new nominal values for the identified parameters."""
         new = {name: value for name, value in values.items() if name in self.names}
         nominal = dict(self.model.nominal) | new
         return replace(self, model=replace(self.model, nominal=nominal))
 
     def part(self, most: int) -> Setup:
-        """Return the setup for the part of the log with the greatest torque (`most` samples)."""
+        """Return a setup for the stretch of at most `most` samples with the greatest torque."""
         log = self.log
         piece = liveliest(np.where(log.ok, log.u, 0.0), most)
         sides = {name: getattr(log, name)[piece] for name in ("u", "y", "ok", "angle")}
@@ -264,7 +264,7 @@ class Fit:
 
     @cached_property
     def errors(self) -> Array:
-        """Mean squares of the simulation error in the parts of the held-out samples."""
+        """Mean square of the simulation error in each part of the held-out samples."""
         held = self.setup.ok & ~self.fitted.problem.ok
         parts = np.array_split(self.fitted.residual[held] ** 2, len(HELD_OUT) * PARTS)
         return np.nan_to_num([np.mean(part) for part in parts], nan=np.inf, posinf=np.inf)
@@ -276,11 +276,14 @@ class Fit:
 
     @cached_property
     def lacks(self) -> bool:
-        """Whether the simulation error exceeds the noise, so that the model is incomplete."""
+        """Whether the model is incomplete, that is, its simulation error exceeds the noise."""
         return bool(self.error > max(RIGHT * self.noise, NOTHING * self.size))
 
     def better(self, other: Fit) -> bool:
-        """Return whether `other` has a significantly smaller simulation error, by at least 1 %."""
+        """Return whether `other` has a significantly smaller simulation error.
+
+        The simulation error must also be smaller by at least 1 %.
+        """
         with np.errstate(invalid="ignore"):  # errors of a fit that failed are infinite
             gain = self.errors - other.errors
             # errors of neighbouring samples are correlated, so the variance is computed from parts
@@ -292,10 +295,10 @@ class Fit:
         """Standard deviations (q,) of the unknowns.
 
         A jackknife over pieces of the log measures the scatter of the estimates. If this scatter
-        exceeds the scatter due to white residuals, the variance is increased accordingly. The
-        pieces are intervals of time, of speed and of angle, because the errors of a friction law
-        depend on speed and angle. The standard deviations also include numerical errors: rounding
-        errors, incomplete convergence, and friction laws that are solved in steps.
+        exceeds the scatter that white residuals would cause, the variance is increased accordingly.
+        The pieces are intervals of time, of speed and of angle, because the errors of a friction
+        law depend on speed and angle. The standard deviations also include the numerical errors due
+        to rounding, incomplete convergence and friction laws that are solved in steps.
         """
         fitted, log = self.fitted, self.setup.log
         white = np.diag(fitted.covariance)
@@ -313,12 +316,12 @@ class Fit:
 
 
 def candidate(setup: Setup) -> Fit:
-    """Fit a setup without the held-out samples."""
+    """Fit a setup to the samples that are not held out."""
     return Fit(setup, setup.solve(without=held_out(setup), **SEARCHING))
 
 
 def held_out(setup: Setup) -> Flags:
-    """Return flags (N,) of the held-out samples, which are used to test the simulation.
+    """Return a mask (N,) of the held-out samples, which are used to test the simulation.
 
     The first samples after a gap are not held out, because they determine the initial state.
     """

@@ -3,7 +3,7 @@
 If the simulation error of the best model is only noise, the model is adequate. The final fit of an
 adequate model minimises whitened prediction errors, because the resulting estimates have the
 smallest variance. If the simulation error is larger than the noise, a noise model would hide the
-deficiencies of the axis model. The final fit of such a model minimises the simulation error.
+deficiencies of the axis model. In this case, the final fit minimises the simulation error.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ SMALLEST = 1e-3  # minimum relative change, and relative effect of a covariate, 
 
 @dataclass(frozen=True)
 class Identification:
-    """The result of the identification of an axis from a record.
+    """The result of identifying an axis from a record.
 
     Attributes
     ----------
@@ -56,9 +56,9 @@ class Identification:
     answer : Fit
         Fit of the model to the whole log.
     estimates : DataFrame
-        Table with one column for each parameter, for each gain of an additional torque, for
-        ``delay`` [s], and for ``offset`` in the torque unit. The rows are ``value`` and ``sd``
-        (standard deviation). If the delay was given, its ``sd`` is 0.
+        Table with one column for each parameter, one for each gain of an additional torque, and
+        the columns ``delay`` [s] and ``offset`` (in the torque unit). The rows are ``value`` and
+        ``sd`` (standard deviation). If the delay was given, its ``sd`` is 0.
     fit : float
         Fit 100 (1 − |y − ŷ|/|y − mean y|) [%] of a simulation ŷ to the held-out pieces of the
         output y.
@@ -106,17 +106,17 @@ def identify(
         Axis with the nominal values at which the search starts.
     free : sequence of str
         Parameters to identify. By default, these are all parameters except k_T and r. If the
-        nominal values are known, parameters with the nominal value 0 are also excluded.
+        nominal values are known, parameters with a nominal value of 0 are also excluded.
     fix : sequence of str
         Names of the parameters that keep their nominal values.
     levels : mapping of str to float
-        Values of parameters of the friction law. Parameters in `fix` keep these values. For all
+        Values of the friction-law parameters. Parameters in `fix` keep these values. For all
         other parameters, the values are initial values of the fit.
     delay : float, optional
         Known delay of the torque [s]. By default, the delay is identified.
     friction : {"auto", "none", "coulomb", "stribeck"}
-        Law of dry friction of the motor. ``"auto"`` adds a law if this law improves the simulation
-        of held-out pieces of the record. Laws in the axis file are kept.
+        Law of dry friction of the motor. ``"auto"`` adds a law if it improves the simulation of
+        held-out pieces of the record. Laws in the axis file are kept.
     gravity : {"auto", "none", "sine"}
         Gravity torque, which depends on the sine and cosine of the measured angle. ``"auto"`` adds
         this torque if it improves the simulation of held-out pieces.
@@ -141,9 +141,9 @@ def identify(
     early, late = -4 * log.period, setup.latest
     if not early <= setup.delay <= late:
         raise LogError(
-            f"--delay {delay:g} is not possible. The model allows only a torque that acts "
-            f"{early:g} … {late:g} s after it is logged. For any other delay, shift the torque "
-            "column by whole samples"
+            f"--delay {delay:g} is not possible. In the model, the torque acts from {early:g} s "
+            f"to {late:g} s after it is logged. For any other delay, shift the torque column by "
+            "whole samples"
         )
     if gravity == "auto" and record.versions.get("motion") == "linear":
         gravity = "none"
@@ -230,8 +230,8 @@ class Many:
     Attributes
     ----------
     table : DataFrame
-        Table with one row for each log. The columns are ``name`` and ``name_sd`` for each
-        parameter, and one column for each covariate.
+        Table with one row for each log. Each parameter has the columns ``name`` and ``name_sd``,
+        and each covariate has one column.
     explained : dict of str to Explained
         Effects of the covariates on each parameter, and the change of each parameter.
     findings : list of Finding
@@ -282,18 +282,21 @@ def identify_many(
     Parameters
     ----------
     logs : sequence of Path
-        Paths of the logs, in order of time.
+        Paths of the logs, in chronological order.
     axis : Axis
-        Identified axis. An axis without standard deviations is identified from the first log.
+        Identified axis. If its standard deviations are unknown, the axis is first identified from
+        the first log.
     tables : mapping
-        Options for reading a log, which are those of `importing.import_log`.
+        Options for reading a log, the same as those of `importing.import_log`.
     covariates : sequence of str
-        Names of log columns, such as a temperature. The covariate is the mean of the column.
+        Names of log columns that may explain the estimates, such as a temperature. The value of a
+        covariate for one log is the mean of the column.
     free : sequence of str
         Parameters to estimate. By default, these are all parameters whose standard deviation in the
-        axis file is less than 10 % of the value.
+        axis file is less than 10 % of the nominal value.
     false_alarms : float
-        Maximum probability of a false alarm, which reports a change although no parameter changed.
+        Maximum probability of a false alarm, that is, of reporting a change although no parameter
+        changed.
     """
     rows, findings = dict[str, Any](), list[Finding]()
     with progress("Identifying", len(logs)) as advance:
@@ -306,7 +309,7 @@ def identify_many(
                 free = free or [n for n in nominal if known.get(n, np.inf) < SEEN * abs(nominal[n])]
                 if not free:
                     raise LogError(
-                        "the axis file states no parameter to within 10 %. Give --free NAME"
+                        "no parameter in the axis file is known to within 10 %. Give --free NAME"
                     )
                 setup = Setup(log_of(record, axis), axis.model, tuple(free), axis.delay)
                 found = Fit(setup, setup.solve(rounds=ROUNDS)).estimates[[*free]]
@@ -342,5 +345,5 @@ def _sentence(name: str, one: Explained, table: pd.DataFrame, covariates: Sequen
     for column, slope, sd in zip(covariates, one.slopes, one.slope_deviations, strict=True):
         if abs(slope) > max(SURE * sd, SMALLEST * level / float(np.ptp(table[column]))):
             size = f"{100 * slope / level:+.2g} ± {100 * sd / level:.1g} %"
-            text += f"; {size} for each unit of {column}"
+            text += f"; {size} per unit of {column}"
     return Finding("note" if changed else "ok", text)

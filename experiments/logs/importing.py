@@ -1,4 +1,4 @@
-"""Convert a log to a record with even sampling, and check the log."""
+"""Convert a log to an evenly sampled record, and check the log."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def import_log(path: Path, *, burn_in: float | None = None, **tables: Any) -> Im
             record, checks = _imported(path, checked(LogMap, tables, "options"))
         elif tables:
             raise LogError(
-                "is a record that flexaxis wrote, with signals in SI units and even sampling. The "
+                "is a record that flexaxis wrote, with evenly sampled signals in SI units. The "
                 f"options --{', --'.join(tables).replace('_', '-')} apply only to logs. Use these "
                 f"options when you import {record.versions.get('log', 'the log')}"
             )
@@ -103,8 +103,8 @@ def _imported(path: Path, mapping: LogMap) -> Imported:
 def cleaned(raw: Raw) -> Raw:
     """Return the original samples of a log, with an unwrapped angle.
 
-    Rows of the log without a time stamp are omitted. If torque and motion were interpolated to a
-    faster grid, only the rows with original samples are returned.
+    Rows without a time stamp are omitted. If torque and motion were interpolated to a faster grid,
+    only the rows with original samples are returned.
 
     Raises
     ------
@@ -122,8 +122,8 @@ def cleaned(raw: Raw) -> Raw:
             f"at row {back[0]}, the time since the start changes from {before:.9g} s to "
             f"{after:.9g} s. The time does not advance at {len(back)} rows. If a new log begins at "
             f"row {back[0]}, select one log with --rows 0:{back[0]} or --rows {back[0]}:. If not, "
-            "remove rows that are repeated or out of order. If the sampling was even, you can give "
-            "--rate HZ instead of the time column"
+            "remove rows that are repeated or out of order. If the samples are evenly spaced, you "
+            "can give --rate HZ instead of the time column"
         )
     n, first, lines = updates = rhythm(raw.signals["torque"])
     if lines and updates == rhythm(raw.signals[raw.motion]):
@@ -137,7 +137,7 @@ def cleaned(raw: Raw) -> Raw:
 
 
 def _on_grid(raw: Raw, smooth: bool) -> tuple[Array, dict[str, Array], Flags]:
-    """Return an even time grid (N,), the signals on this grid, and flags of known samples (N,).
+    """Return a uniform time grid (N,), the signals on it, and a mask (N,) of the known samples.
 
     The torque of sample k is the mean over the interval [t_k, t_{k+1}).
     """
@@ -149,8 +149,8 @@ def _on_grid(raw: Raw, smooth: bool) -> tuple[Array, dict[str, Array], Flags]:
     if (np.diff(index) <= 0).any() or index[-1] > MOST_GAPS * len(index):
         raise LogError(
             f"the time stamps are too irregular, with steps of {steps.min():.3g} s to "
-            f"{steps.max():.3g} s. Resample the log first. If the sampling was in fact even, give "
-            "--rate HZ instead of the time column"
+            f"{steps.max():.3g} s. Resample the log first. If the samples are in fact evenly "
+            "spaced, give --rate HZ instead of the time column"
         )
     if period > SLOWEST:
         raise LogError(
@@ -174,7 +174,7 @@ def _on_grid(raw: Raw, smooth: bool) -> tuple[Array, dict[str, Array], Flags]:
 
 
 def _record(time: Array, signals: dict[str, Array], valid: Flags, rate: float | None) -> Record:
-    """Return the record of evenly sampled signals. `rate` reduces the sampling rate [Hz].
+    """Return the record of evenly sampled signals. `rate` is a lower sampling rate [Hz], if any.
 
     If the rate is reduced, all signals pass through the same zero-phase low-pass filter. The torque
     is then averaged over each new sampling period.
@@ -184,8 +184,8 @@ def _record(time: Array, signals: dict[str, Array], valid: Flags, rate: float | 
     every = round(1 / (rate * period))
     if abs(every * rate * period - 1) > WHOLE or len(time) // every < FEWEST:
         raise LogError(
-            f"--resample {rate:g} Hz is not possible. Divide the rate of the log "
-            f"({1 / period:.6g} Hz) by an integer that leaves at least {FEWEST} samples"
+            f"--resample {rate:g} Hz is not possible. Give the rate of the log "
+            f"({1 / period:.6g} Hz) divided by an integer that leaves at least {FEWEST} samples"
         )
     if every > 1:
         lowpass = butter(8, 0.8 / every, output="sos")

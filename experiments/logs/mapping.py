@@ -30,8 +30,8 @@ class LogMap(Config):
     rate : float or None
         Sampling rate [Hz] of a log without a time column.
     scale : dict of str to float
-        Factor by which a signal is multiplied after the conversion of units. The factor −1 reverses
-        the sign of the signal.
+        Factor by which a signal is multiplied after its conversion to SI units. The factor −1
+        reverses the sign of the signal.
     unit : dict of str to str
         Units of signals for which the file states no unit or a wrong unit.
     counts : float or None
@@ -42,7 +42,7 @@ class LogMap(Config):
     rows : str
         Range of samples to read. The range ``A:B`` selects the samples A to B − 1.
     header : int or None
-        Number of the line that contains the column names in a CSV file, counted from 1.
+        Line number, counted from 1, of the column names in a CSV file.
     resample : float or None
         Reduced sampling rate [Hz], which must be an integer fraction of the logged rate.
     """
@@ -73,7 +73,7 @@ class Raw(NamedTuple):
     unit : dict of str to str
         Units of the logged signals. Signals without a stated unit are omitted.
     turn : float
-        Range [rad] after which the logged angle wrapped, or 0 if the angle did not wrap.
+        Range [rad] of the logged angle if it wraps, else 0.
     every : int
         Number of rows of the log per original sample, which is 1 unless the log was interpolated.
     """
@@ -142,7 +142,7 @@ def pick(log: Log, mapping: LogMap) -> Raw:
 
 
 def _columns(log: Log, mapping: LogMap) -> dict[str, str]:
-    """Return the column of each signal: the column in the options, or a column with a known name.
+    """Return the column of each signal: the one that the options state, or one with a known name.
 
     If the options state a column for only one of angle and speed, the other signal is ignored. If
     the options state a sampling rate, time columns are ignored.
@@ -166,7 +166,7 @@ def _columns(log: Log, mapping: LogMap) -> dict[str, str]:
     if absent := [signal for signal, column in wanted.items() if not column]:
         raise LogError(
             f"no column has a known name for {', '.join(absent)}. The columns are "
-            f"{', '.join(log.columns)}. If the column names are in another line of the file, give "
+            f"{', '.join(log.columns)}. If the column names are on another line of the file, give "
             "--header LINE"
         )
     return chosen

@@ -29,20 +29,20 @@ LOG_OPTIONS: dict[str, str | tuple[str, dict[str, Any]]] = {
     "--angle COLUMN": "Column with the motor angle (default: recognised by its name).",
     "--speed COLUMN": "Column with the motor speed (default: recognised by its name).",
     "--rows A:B": "Read only samples A to B-1 (default: all).",
-    "--rate HZ": ("Sampling rate [Hz] of a log without a time column (default: computed from the "
-                  "time column).", {"type": float}),
-    "--header LINE": ("Line of a CSV file that contains the column names, counted from 1 (default: "
+    "--rate HZ": ("Sampling rate [Hz], necessary if the log has no time column (default: computed "
+                  "from the time column).", {"type": float}),
+    "--header LINE": ("Line number, counted from 1, of the column names in a CSV file (default: "
                       "detected from the content).", {"type": int}),
     "--unit SIGNAL=UNIT": ("Unit of a signal, such as angle=deg (default: taken from the column "
                            "name, else SI).", PAIRS),
     "--scale SIGNAL=FACTOR": ("Multiply a signal by a factor, such as torque=0.6 (N m/A) or "
                               "torque=-1 (default: 1).", PAIRS),
     "--torque-is KIND": (
-        "Kind of torque. 'held' is a command that is constant until the next sample (zero-order "
-        "hold), and 'smooth' is a measured current (default: detected from the log).",
+        "Kind of torque (default: detected from the log). 'held' is a command that is constant "
+        "until the next sample (zero-order hold), and 'smooth' is a measured current.",
         {"choices": ("held", "smooth")},
     ),
-    "--resample HZ": ("Reduce the sampling rate to this integer fraction of the logged rate [Hz] "
+    "--resample HZ": ("Reduced sampling rate [Hz], an integer fraction of the logged rate "
                       "(default: the logged rate).", {"type": float}),
     "--burn-in S": ("Length of the initial part of the log that the fit ignores [s] (default: 0 if "
                     "the log starts at rest, else 1).", {"type": float}),
@@ -65,7 +65,7 @@ READING = (
 
 
 def tables_of(args: argparse.Namespace) -> dict[str, Any]:
-    """Return the arguments of `fx.import_log`. Options override the ``--map`` file."""
+    """Return the arguments of `fx.import_log`. Options override values in the ``--map`` file."""
     from flexaxis.experiments.logs.findings import LogError, checked
     from flexaxis.experiments.logs.mapping import LogMap
     from flexaxis.sim.files import read_toml

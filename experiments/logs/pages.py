@@ -1,4 +1,4 @@
-"""Build the HTML pages of an import, an identification, a tracking run, and many logs."""
+"""Build HTML pages about an import, an identification, a tracking run, or many logs."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ class LogPage(NamedTuple):
 
 
 def _line(x: Array, y: Array, label: str, role: Any = "data") -> Series:
-    """Return a curve of about `MOST` points or fewer, which keeps the extremes of each bin."""
+    """Return a curve, thinned to about `MOST` points, that keeps the extremes of each bin."""
     bins = pd.Series(y).groupby(np.arange(len(y)) // -(-2 * len(y) // MOST))
     k = np.unique([bins.idxmin(), bins.idxmax()])
     return Series(x=x[k], y=y[k], label=label, role=role)
@@ -114,7 +114,7 @@ def identification_page(result: Identification, other: Fit | None, title: str) -
         if text := unlike(other, result.axis.error):
             findings.append(Finding("problem", f"on the other log, {text}"))
     problems = texts_of(findings, "problem")
-    text = f"A simulation from the torque alone explains {result.fit:.1f} % of held-out pieces."
+    text = f"A simulation from the torque alone explains {result.fit:.1f} % of the held-out pieces."
     text += f" The estimates cannot be used: {problems[0]}." if problems else ""
     finding = Finding("problem" if problems else "ok", text)
     return LogPage(title, finding, ordered(findings), charts, result.estimates.T)
@@ -133,7 +133,7 @@ def content(result: Identification, findings: Sequence[Finding]) -> dict[str, An
 
 
 def _compared(title: str, fit: Fit) -> Chart:
-    """Return a figure of the part of a log with the most motion, its simulation, and the error."""
+    """Return a figure of a log, its simulation and the error in the part with the most motion."""
     log = fit.setup.log
     piece = liveliest(log.y, PIECE)
     t = log.period * np.arange(piece.start, piece.stop)
@@ -146,7 +146,7 @@ def _compared(title: str, fit: Fit) -> Chart:
 
 
 def track_page(result: Tracked, estimator: str, log: str) -> LogPage:
-    """Return the page of an estimator on a record, with its estimates over time.
+    """Return the page about a run of an estimator on a record, with the estimates over time.
 
     Parameters
     ----------
@@ -179,13 +179,16 @@ def track_page(result: Tracked, estimator: str, log: str) -> LogPage:
 
 
 def many_page(result: Many, title: str) -> LogPage:
-    """Return the page of many logs, with one figure and one table."""
+    """Return the page about many logs, with one figure and one table."""
     table, k = result.table, np.arange(1.0, len(result.table) + 1)
     panels = {}
     for name, one in result.explained.items():
         y, band = table[name].to_numpy(), 2 * table[f"{name}_sd"].to_numpy()
         points = Series(x=k, y=y, low=y - band, high=y + band, kind="points", label="log, ±2σ")
         panels[name] = [points, Series(x=k, y=one.fitted, role="truth", label="explained")]
-    words = "Estimates from each log, ±2σ. The line is the fit with covariates and a change."
+    words = (
+        "Estimates from each log, ±2σ. The line is the sum of the level, the effects of the "
+        "covariates and the change."
+    )
     chart = Chart("Estimates over the logs", words, panels, {"x": "log"})
     return LogPage(title, result.findings[0], result.findings[1:], [chart], table)

@@ -1,4 +1,4 @@
-"""Open a log file in any supported format, and read the columns with names and units."""
+"""Open a log file in any supported format, and read its columns with their names and units."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Log(NamedTuple):
     Attributes
     ----------
     columns : dict of str to Series
-        Values of each column, which are numbers or texts.
+        Values of each column, as numbers or as text.
     units : dict of str to str
         Units that the file states for its columns.
     """
@@ -61,12 +61,12 @@ def open_log(path: Path, header: int | None = None) -> Log:
     ----------
     path : Path
         Path of a CSV file, a MAT file, or an HDF5 file such as NetCDF-4. The separator of a CSV
-        file is ``,``, ``;``, ``|``, tab or blank. Decimal commas are allowed. The encoding is
+        file is ``,``, ``;``, ``|``, a tab or spaces. Decimal commas are allowed. The encoding is
         UTF-8, UTF-16 or Latin-1. Columns of a matrix are named ``name[0]``, ``name[1]``, ….
         Columns of structures and groups are named ``outer.inner``.
     header : int, optional
-        Number of the line that contains the column names in a CSV file, counted from 1. By default,
-        the line with the names is detected from the content of the file.
+        Line number, counted from 1, of the column names in a CSV file. By default, the line with
+        the names is detected from the content of the file.
 
     Raises
     ------
@@ -89,7 +89,7 @@ def open_log(path: Path, header: int | None = None) -> Log:
 def _flattened(
     content: Mapping[str, Any], before: str = ""
 ) -> Iterator[tuple[str, pd.Series[float]]]:
-    """Yield the names and values of columns of nested structures.
+    """Yield the name and the values of each column in nested structures.
 
     The elements of an array of structures are named after their field ``Name`` or ``label``.
     Elements without such a field are numbered.
@@ -121,7 +121,7 @@ def _csv(path: Path, start: bytes, header: int | None) -> Log:
     tried = [(*_tried(part, mark), mark) for mark in (*";\t,|", None)]
     share, width, row, separator = max(tried, key=lambda layout: layout[:2])
     if share <= 0:
-        raise ValueError("the file is not a MAT, HDF5 or CSV file with rows of numbers")
+        raise ValueError("it is neither a MAT or HDF5 file, nor a CSV file with rows of numbers")
     first = kept[row]
     head = _head(lines[:first], separator, width)
     if header:
@@ -155,7 +155,7 @@ def _cells(line: str, separator: str | None) -> list[str]:
 def _tried(lines: Sequence[str], separator: str | None) -> tuple[float, int, int]:
     """Return the score of a separator, the number of cells per row, and the first row of numbers.
 
-    The score increases with the number of cells that are numbers if this separator is used.
+    The score increases with the number of numeric cells that the separator yields.
     """
     cells = [_cells(line, separator) for line in lines]
     width = mode(map(len, cells))
@@ -171,9 +171,9 @@ def _tried(lines: Sequence[str], separator: str | None) -> tuple[float, int, int
 def _head(lines: Sequence[str], separator: str | None, width: int) -> list[str]:
     """Return the names of the columns, each with its unit if a line of units follows the names.
 
-    The names are in the last line above the rows of numbers, or in a comment, as in files that
-    numpy writes. TwinCAT writes a block of lines in which a key precedes every signal. The first
-    line of such a block contains the names.
+    The names are on the last line above the rows of numbers, or in a comment, as in files that
+    numpy writes. TwinCAT writes a block of lines in which a key, such as ``Name``, precedes the
+    entry of every signal. The first line of such a block contains the names.
     """
     above = sorted(reversed(lines), key=lambda line: line.lstrip().startswith(COMMENTS))
     rows = [_cells(line.lstrip("#%/ "), separator) for line in above]
@@ -185,7 +185,7 @@ def _head(lines: Sequence[str], separator: str | None, width: int) -> list[str]:
 
 
 def names_and_units(head: Sequence[str]) -> tuple[list[str], dict[str, str]]:
-    """Return unique names of columns, and the known units that follow the names.
+    """Return unique column names, and the units that follow the names, if they are known.
 
     Examples
     --------
@@ -220,6 +220,7 @@ def _numbers(name: str, column: pd.Series[Any]) -> Array:
     row = bad.idxmax()
     raise LogError(
         f"row {row}, column {name}: {str(texts[row])[:60]!r} is not a number ({bad.sum()} of "
-        f"{len(texts)} cells are not numbers). Correct or empty such cells. Empty cells are gaps "
-        f"in the log. If a new log begins in row {row}, select the first log with --rows 0:{row}"
+        f"{len(texts)} cells are not numbers). Correct such cells, or leave them empty. Empty "
+        f"cells are gaps in the log. If a new log begins at row {row}, select the first log with "
+        f"--rows 0:{row}"
     )

@@ -1,7 +1,7 @@
-"""Find initial values for a fit, and find nonlinear effects in a log, such as dry friction.
+"""Find initial values for a fit, and nonlinear effects, such as dry friction, in a log.
 
 Initial values are computed from frequency responses of the log. Dry friction and gravity are added
-if they improve the simulation of held-out pieces.
+to the model if they improve the simulation of held-out pieces.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ LAWFUL = {
     "alpha": (10.0, 1.0, 50.0),
     "beta": (20.0, 1.0, 100.0),
 }
-"""Initial value, lower and upper bound of each parameter for an rms torque and rms speed of one."""
+"""Initial value, lower and upper bound of each parameter, if rms torque and rms speed are 1."""
 WINDOW = 0.05  # interval over which changes of momentum are compared with impulses [s]
 SURE = 3.0  # minimum distance of a significant parameter from 0, in standard deviations
 TURN = 0.5  # minimum range of the load angle [rad], below which gravity is nearly constant
@@ -53,18 +53,18 @@ class Search:
     known : bool
         True if the nominal values are given or identified. False if they are a rough guess.
     friction : {"auto", "none", "coulomb", "stribeck"}
-        Law of dry friction. ``"auto"`` adds a law if this law improves the simulation.
+        Law of dry friction. ``"auto"`` adds a law if it improves the simulation.
     gravity : {"auto", "none", "sine"}
         Torque of gravity. ``"auto"`` adds this torque if it improves the simulation.
     levels : mapping of str to float
-        Values of parameters of the friction law. Parameters in `fix` keep these values. For all
+        Values of the friction-law parameters. Parameters in `fix` keep these values. For all
         other parameters, the values are initial values of the fit.
     fix : sequence of str
         Parameters to hold at their nominal values.
     tried : dict of str to (bool, float, float)
         Comparisons of models with and without an additional effect. The keys are the names of the
-        effects. The values are whether the effect was added, and the rms simulation errors in
-        held-out pieces [rad/s] without and with the effect.
+        effects. Each value states whether the effect was added, followed by the rms simulation
+        errors in held-out pieces [rad/s] without and with the effect.
     """
 
     setup: Setup
@@ -76,7 +76,7 @@ class Search:
     tried: dict[str, tuple[bool, float, float]] = field(default_factory=dict)
 
     def result(self) -> Fit:
-        """Return the fit of the model that describes the log best and that the options allow."""
+        """Return the fit of the best model that the options allow."""
         setups = [self.setup] if self.known else self._guesses()
         model, box = setups[0].model, dict[str, tuple[float, float]]()
         for name in self.setup.names:
@@ -89,8 +89,8 @@ class Search:
     def _guesses(self) -> list[Setup]:
         """Return setups that start at rough guesses of the parameters.
 
-        If the motion is slow, the frequency response has no peak at the resonance. Therefore, the
-        setups start at several resonance frequencies.
+        If the motion is slow, the frequency response has no peak at the resonance. Therefore, each
+        setup assumes a different resonance frequency.
 
         Raises
         ------
@@ -123,8 +123,9 @@ class Search:
         able = "speed_motor" in model.states and "J_m" in model.parameters
         if kind in FRICTION and not (able or model.laws):
             raise LogError(
-                f"--friction {kind} needs a model with a state speed_motor and a parameter J_m, "
-                f"unlike {model.name}. Write a [[law]] in the TOML file, or use --friction none"
+                f"--friction {kind} needs a model that, unlike {model.name}, has a state "
+                "speed_motor and a parameter J_m. Write a [[law]] in the TOML file, or use "
+                "--friction none"
             )
         if not able or model.laws:
             return best
@@ -149,8 +150,8 @@ class Search:
     def _taken(self, name: str, best: Fit, other: Fit, *sure: str) -> Fit:
         """Compare two fits, append the comparison to `tried`, and return the better fit.
 
-        If the names of parameters are given in `sure`, the fit `other` is returned only if one of
-        these parameters differs significantly from 0.
+        If `sure` contains parameter names, the fit `other` is returned only if one of these
+        parameters differs significantly from 0.
         """
         pairs = (other.estimates[one] for one in sure if one in other.estimates)
         clear = not sure or any(abs(value) > SURE * sd for value, sd in pairs)
@@ -187,7 +188,7 @@ class Search:
         )
 
     def _early(self, best: Fit) -> Fit:
-        """Allow a negative torque delay, if a negative delay improves the simulation."""
+        """Allow a negative torque delay if it improves the simulation."""
         setup = best.found
         if setup.log.smooth or setup.timed or setup.delay > setup.earliest:
             return best
@@ -206,7 +207,7 @@ class Search:
         return setups
 
     def _explored(self, setups: Sequence[Setup]) -> Fit:
-        """Fit a part of the log from each setup, then fit the log from the best result."""
+        """Fit a part of the log from each setup, and then the log from the best of these fits."""
         fits = (Fit(setup, setup.part(ENOUGH).solve(most=STEPS, near=NEAR)) for setup in setups)
         best = min(fits, key=lambda one: one.fitted.square)
         if not np.isfinite(best.fitted.square):

@@ -1,4 +1,4 @@
-"""Analyse the signals of a log, and prepare these signals for an identification."""
+"""Analyse the signals of a log, and prepare them for an identification."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SMALL = 0.1  # maximum move per sample, and maximum unused range, relative to a 
 
 
 def gaps_of(ok: Flags) -> NDArray[np.int64]:
-    """Return the start and stop indices (m, 2) of all runs of False in flags (N,).
+    """Return the start and stop indices (m, 2) of all runs of False in a mask (N,).
 
     Examples
     --------
@@ -63,10 +63,12 @@ def resolution(values: Array) -> float:
 
 
 def rhythm(values: Array) -> tuple[int, int, bool]:
-    """Return the update interval in samples, the first update, and whether lines join the updates.
+    """Return how often a signal is updated, and whether lines join its updates.
 
-    Between updates, a signal is held or interpolated linearly. The result is ``(1, 0, False)`` if
-    the signal is updated at every sample, or if its resolution is too coarse to detect updates.
+    Between updates, a signal is held or interpolated linearly. The result contains the update
+    interval in samples, the index of the first update, and whether the signal is interpolated. The
+    result is ``(1, 0, False)`` if the signal is updated at every sample, or if its resolution is
+    too coarse to detect updates.
 
     Examples
     --------
@@ -93,12 +95,12 @@ def rhythm(values: Array) -> tuple[int, int, bool]:
 
 
 def unwrapped(angle: Array) -> tuple[Array, float]:
-    """Return an unwrapped angle, and the range [rad] after which the angle wrapped, or 0.
+    """Return an unwrapped angle, and the range [rad] of the wrapped angle (0 if it did not wrap).
 
-    An angle with a range of one turn wraps if it jumps by more than half a turn. An angle with a
-    range of several whole turns (a counter) wraps if it jumps by nearly the whole range. Any other
-    angle is returned unchanged, because unwrapping would corrupt an angle that moves by more than
-    half a turn per sample.
+    An angle with a range of one turn counts as wrapped if it jumps by more than half a turn. An
+    angle with a range of several whole turns (a counter) counts as wrapped if it jumps by nearly
+    the whole range. Any other angle is returned unchanged, because unwrapping would corrupt an
+    angle that moves by more than half a turn per sample.
 
     Examples
     --------
@@ -172,9 +174,9 @@ def log_of(record: Record, axis: Axis) -> Log:
 
 
 def columns_beside(angle: Array) -> dict[str, Array]:
-    """Return a dict of the regressors (N,) of gravity. The keys are the names of the gains.
+    """Return a dict of the gravity regressors (N,). The keys are the names of their gains.
 
-    The regressors are −sin φ and −cos φ, where φ is the mean angle over the next sampling period.
+    The regressors are −sin φ and −cos φ, where φ is the mean angle over the next sampling period T.
     This mean is computed from a cubic polynomial through four angles. The mean of two angles would
     have an error of T²/12 times the acceleration, which would bias the estimate of the inertia.
     """

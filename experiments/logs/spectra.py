@@ -52,7 +52,7 @@ def spectra(u: Array, y: Array, period: float) -> Spectra:
     """Compute averaged spectra of torque u (N,) and motion y (N,) by Welch's method.
 
     A linear trend is removed from each segment. Each segment lasts four seconds, or less if a short
-    record would have fewer than six segments.
+    record would otherwise have fewer than six segments.
     """
     length = min(len(u) // SEGMENTS, round(SEGMENT / period))
     frequency, power = csd([u, y, u], [u, y, y], fs=1 / period, nperseg=length, detrend="linear")
@@ -87,7 +87,7 @@ def measured_response(log: Log, level: float = 0.0, floor: float = STRONG) -> Sp
     seen = (s.coherence > COHERENT) & (s.torque >= floor * middle)
     if seen.sum() < 10:
         raise LogError(
-            f"the torque explains the output at {int(seen.sum())} frequencies only. Either columns "
+            f"the torque explains the output at only {int(seen.sum())} frequencies. Either columns "
             "are swapped or shifted, or the excitation is too small or too slow. Log a multisine, "
             "or try --model one_mass"
         )
@@ -95,9 +95,9 @@ def measured_response(log: Log, level: float = 0.0, floor: float = STRONG) -> Sp
 
 
 def fit_response(setup: Setup, response: Spectra) -> Setup:
-    """Fit a linear model and the torque delay to a frequency response, as initial values.
+    """Fit a linear model and the torque delay to a frequency response, to obtain initial values.
 
-    The fit minimises the error of the logarithm of the response, so that resonances and
+    The fit minimises the error of the logarithmic response, so that resonances and
     antiresonances have equal weight. The search starts from several values near the nominal
     values, to avoid local minima.
 
@@ -126,7 +126,7 @@ def fit_response(setup: Setup, response: Spectra) -> Setup:
     p, turn = len(chosen.names), -1j * omega * period
 
     def compared(x: Array) -> tuple[Array, Array]:
-        """Return the misfit (2M,) and its gradient, given log θ/θ(0) and a delay in samples."""
+        """Return the misfit (2M,) and its gradient at `x`: log(θ/θ₀), then the delay in samples."""
         theta = chosen.theta * np.exp(x[:p])
         fitted, slopes = frequency_response(chosen, theta, omega, period=period)
         error = weight * np.log(fitted / gain * np.exp(turn * x[p]) + 1e-300)
@@ -151,11 +151,11 @@ def fit_response(setup: Setup, response: Spectra) -> Setup:
 
 
 def rough_guess(model: Model, response: Spectra, resonance: float | None) -> dict[str, float]:
-    """Return rough parameters of a built-in model, or an empty dict if it has no such guess.
+    """Return rough parameters of a built-in model, or an empty dict if the model provides none.
 
     The initial values depend on the total inertia J and the resonance frequency [rad/s]. The
-    inertia is computed from the response |G| ≈ 1/(ω J) at low frequencies. If the resonance is
-    None, it is at the highest peak of ω |G|.
+    inertia is computed from the response |G| ≈ 1/(ω J) at low frequencies. If `resonance` is None,
+    the resonance is assumed at the highest peak of ω |G|.
     """
     guess = MODELS[model.name].guess
     if guess is None:

@@ -1,4 +1,4 @@
-"""Run an estimator on a record of a real axis, and find changes of its parameters."""
+"""Run an estimator on a record of a real axis, and find changes in the axis parameters."""
 
 from __future__ import annotations
 
@@ -169,8 +169,8 @@ def track(
     texts += _interruptions(record, stopped)
     infos = [
         f"fit of a simulation from the torque alone: {fit.percent:.1f} %",
-        f"the largest autocorrelation of the residual is {past:.3f}; a white residual has less "
-        f"than {WHITE}",
+        f"the largest autocorrelation of the residual is {past:.3f}; for a white residual, it is "
+        f"below {WHITE}",
         *[f"number of alarms of the estimator: {int(alarms.sum())}"] * bool(alarms.any()),
     ]
     findings += [Finding("note", text) for text in texts] + [Finding("info", x) for x in infos]
@@ -186,8 +186,8 @@ def _run(
     """Run an estimator on a record, and restart the estimator after each long gap.
 
     The state of the axis after a long gap is unknown, because the torque in the gap is unknown. The
-    estimator starts again from its last estimates. The result contains the names, the estimates
-    (N, p), their standard deviations (N, p) if the estimator reports these, and the alarms (N,).
+    estimator starts again from its last estimates. The result contains the parameter names, the
+    estimates (N, p), their standard deviations (N, p) or None, and the alarms (N,).
     """
     if axis.model.laws and not spec.is_users and not REGISTRY[spec.name].laws:
         raise LogError(
@@ -232,7 +232,7 @@ def _run(
 
 
 def _interruptions(record: Record, stopped: Flags) -> list[str]:
-    """Return a sentence for each long gap of a record, and a sentence if the axis was blocked."""
+    """Return a sentence for each long gap of a record, and one more if the axis was blocked."""
     time = record.time
     texts = [
         f"a gap of {time[end] - time[begin]:.2g} s begins at {time[begin]:.1f} s. The torque in "
@@ -249,7 +249,7 @@ def _interruptions(record: Record, stopped: Flags) -> list[str]:
 
 
 def _long_gaps(record: Record) -> list[tuple[int, int]]:
-    """Return the first sample of each gap of more than `LONG` rows, and the sample after it."""
+    """Return the first sample of each gap longer than `LONG` rows, and the one after the gap."""
     gaps, N = gaps_of(valid_of(record)).tolist(), len(record.time)
     return [(begin, end) for begin, end in gaps if end - begin > LONG and begin > 0 and end < N]
 
@@ -261,10 +261,10 @@ def _valued(axis: Axis, names: Sequence[str], theta: Array) -> Axis:
 
 
 def _idle(y: Array, simulated: Array, torque: Array, period: float) -> tuple[Flags, Flags]:
-    """Return flags (N,) of samples with a blocked axis, and flags of samples with a small torque.
+    """Return masks (N,) of the samples with a blocked axis and of those with a small torque.
 
     The axis is blocked if it stands still although the model moves. Samples with a small torque are
-    excluded from the search for changes, because a brake would look like a change of a parameter.
+    excluded from the search for changes, because a closed brake would look like a parameter change.
     """
     length = max(round(WINDOW / period), 1)
     moved, model, acted = (uniform_filter1d(x**2, length) for x in (y, simulated, torque))

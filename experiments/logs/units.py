@@ -1,4 +1,4 @@
-"""Define names and units of the signals in a log, and write a record as a log."""
+"""Define the names and units of the signals in a log, and write a record as a log."""
 
 from __future__ import annotations
 
@@ -63,13 +63,13 @@ WORDS = {
     "angle": "angle position motorwinkel winkel",
     "speed": "speed velocity drehzahl geschwindigkeit vitesse",
 }
-"""Column names that are recognised, in English, German and French, the preferred name first.
+"""Recognised column names in English, German and French, the preferred name first.
 
 Upper and lower case are equivalent."""
 
 
 def spelt(text: str, kind: str = "") -> str:
-    """Convert a unit to the spelling of `UNITS`; ``nm`` is nanometres for an angle, else N m."""
+    """Convert a unit to its spelling in `UNITS`; ``nm`` is nanometres for an angle, else N m."""
     plain = re.sub("[µμ]", "u", re.sub(r"[\s·*.^-]", "", text))
     if plain in KNOWN and (plain != "nm" or kind == "angle"):
         return plain
@@ -115,7 +115,7 @@ def write_log(
     Raises
     ------
     LogError
-        If a unit is unknown, or a number is negative.
+        If a unit is unknown, or if `gaps` or `counts` is negative.
     """
     if wrong := [unit for unit in units if unit not in KNOWN]:
         raise LogError(f"--units: {unknown('unit', wrong[0], KNOWN)}")

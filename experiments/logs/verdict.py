@@ -36,11 +36,11 @@ def judged(search: Search, best: Fit, chosen: Fit, fit: float, record: Record) -
     search : Search
         Model search, which compares the model with and without each additional effect.
     best : Fit
-        Best fit of the search, without the held-out pieces of the log.
+        Best fit of the search, computed without the held-out pieces of the log.
     chosen : Fit
         Fit of the best model to the whole log.
     fit : float
-        Fit of the simulation by `best` to the held-out pieces [%].
+        Fit [%] of a simulation with the model of `best` to the held-out pieces.
     record : Record
         Record of the log.
     """
@@ -60,9 +60,9 @@ def judged(search: Search, best: Fit, chosen: Fit, fit: float, record: Record) -
          "describe this motion. Possible reasons are backlash, a brake or a wrong column. Try "
          "another --model, or give better initial values with --start NAME=VALUE"),
         ("problem", fit < HIDDEN and not wrong,
-         f"a simulation explains only {fit:.0f} %, because sensor steps or noise hide the motion. "
-         f"Reduce the sampling rate, for example with --resample {0.2 / period:.3g}, or use a "
-         "stronger excitation"),
+         f"a simulation explains only {fit:.0f} % of the held-out pieces, because sensor steps or "
+         "noise hide the motion. Reduce the sampling rate, for example with --resample "
+         f"{0.2 / period:.3g}, or use a stronger excitation"),
         ("problem", not fitted.converged,
          "the fit did not converge. Start from these estimates with --start NAME=VALUE, or fix "
          "the least certain parameter with --fix NAME=VALUE"),
@@ -83,22 +83,24 @@ def judged(search: Search, best: Fit, chosen: Fit, fit: float, record: Record) -
         ("problem" if log.smooth else "note",
          free and lag < -HALF * log.smooth * period - EARLY * sd,
          f"the torque acts {-lag / period:.2f} samples before it is logged, which is impossible. "
-         "The torque column is late or filtered. The estimates are valid for a shifted column. "
-         "Shift the column by whole samples, or log the torque before its filter"),
+         "The torque column is late or filtered. The estimates are valid for a column shifted by "
+         "this time. Shift the column by whole samples, or log the torque before its filter"),
         ("problem",
          free and log.output == "speed" and best.lacks and lag > FILTERED * period,
-         f"the speed is behind a low-pass of about {1e3 * lag:.1g} ms, or has another lag that a "
-         "delay does not explain. Inertias and stiffnesses are therefore wrong by a few per cent. "
-         "To avoid this error, log the angle, or log the speed before its filter"),
+         f"the speed is low-pass filtered with a lag of about {1e3 * lag:.1g} ms, or has another "
+         "lag that a delay does not explain. Inertias and stiffnesses are therefore wrong by a few "
+         "per cent. Instead, log the angle, or log the speed before its filter"),
         ("problem", log.smooth and not stated and abs(lag / period - 0.5) < HELD,
          "the torque acts half a sample late, like a held command, although flexaxis assumes a "
          "measured current. Give --torque-is held, or confirm a current with --torque-is smooth"),
         ("note", best.lacks,
          "the simulation error exceeds the noise, so the model lacks an effect of the axis"),
         ("info", bool(compared),
-         f"effects tested by the simulation error of held-out pieces [rad/s]: {compared}"),
+         "tested effects (simulation error of held-out pieces [rad/s] without → with the effect): "
+         f"{compared}"),
         ("info", len(log.y) < len(record.time),
-         f"the fit uses {len(log.y)} of {len(record.time)} samples, with the greatest torque"),
+         f"the fit uses only the part of the log with the greatest torque: {len(log.y)} of "
+         f"{len(record.time)} samples"),
     ]  # fmt: skip
     return [Finding(kind, text) for kind, holds, text in rows if holds]
 
@@ -114,13 +116,13 @@ def _changed(chosen: Fit) -> Iterator[tuple[Kind, bool, str]]:
         k = round(one.time / period)
         part = f"one part of the log with --rows 0:{k} or --rows {k}:"
         if one.kind == "drift":
-            part = "a shorter part of the log with --rows A:B to avoid a mean over the drift"
-        text = f"{one.text}. Identify {part}, and track the change with flexaxis track"
-        yield "problem", True, text
+            part = "a shorter part of the log with --rows A:B to avoid averaging over the drift"
+        remedy = f"Identify the axis from {part}, and track the change with flexaxis track"
+        yield "problem", True, f"{one.text}. {remedy}"
 
 
 def _unseen(chosen: Fit) -> tuple[Kind, bool, str]:
-    """Return the row of the parameters that the log does not determine, with a remedy."""
+    """Return a finding on the parameters that the log does not determine, with a remedy."""
     setup, texts, ends = chosen.setup, list[str](), list[bool]()
     own = [name for name in setup.names if name not in setup.model.law_parameters - {"f_c"}]
     for name, (value, sd) in chosen.estimates[own].items():
@@ -137,7 +139,7 @@ def _unseen(chosen: Fit) -> tuple[Kind, bool, str]:
 
 
 def unlike(fit: Fit, usual: float | None) -> str:
-    """Return a sentence if a log does not match an identified axis, else an empty string.
+    """Return a message if a log does not match an identified axis, else an empty string.
 
     The log matches the axis if the simulation error or the fit is near the expected value. The fit
     alone is not enough, because less motion at the same absolute error means a worse fit.
@@ -154,14 +156,14 @@ def unlike(fit: Fit, usual: float | None) -> str:
         return ""
     return (
         f"a simulation from the torque explains only {fit.percent:.1f} % of the log, but at least "
-        f"{least:.1f} % is expected. Either the log is from another axis or motion, or the torque "
-        "or the angle has another unit or sign. Compare units and scales with those of the first "
-        "log, or identify the axis again"
+        f"{least:.1f} % is expected. Either the axis or the motion is different, or the torque or "
+        "the angle has another unit or sign. Compare units and scales with those of the first log, "
+        "or identify the axis again"
     )
 
 
 def correlation(white: Array) -> float:
-    """Return the autocorrelation of a residual (N,) with the largest magnitude, up to `LAGS`."""
+    """Return the largest autocorrelation (in magnitude) of a residual (N,) at lags up to `LAGS`."""
     e = white - white.mean()
     past = [e[:-lag] @ e[lag:] / (e @ e) for lag in range(1, LAGS + 1)]
     return float(max(past, key=abs))
@@ -188,5 +190,5 @@ def validate(record: Record, axis: Axis) -> Fit:
     problem.held[-2] = True  # the offset is known
     fit = Fit(setup, setup.begun(problem, axis.offset))
     if not np.isfinite(fit.left):
-        raise LogError("the axis cannot be simulated over this log. Is the log from this axis?")
+        raise LogError("a simulation of this log with the axis failed. Is the log from this axis?")
     return fit
