@@ -141,9 +141,8 @@ def identify(
     early, late = -4 * log.period, setup.latest
     if not early <= setup.delay <= late:
         raise LogError(
-            f"--delay {delay:g} is not possible. In the model, the torque acts from {early:g} s "
-            f"to {late:g} s after it is logged. For any other delay, shift the torque column by "
-            "whole samples"
+            f"--delay {delay:g} is not possible. The delay of the torque must be between {early:g} "
+            f"s and {late:g} s. For any other delay, shift the torque column by whole samples"
         )
     if gravity == "auto" and record.versions.get("motion") == "linear":
         gravity = "none"

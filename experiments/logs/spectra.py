@@ -126,7 +126,7 @@ def fit_response(setup: Setup, response: Spectra) -> Setup:
     p, turn = len(chosen.names), -1j * omega * period
 
     def compared(x: Array) -> tuple[Array, Array]:
-        """Return the misfit (2M,) and its gradient at `x`: log(θ/θ₀), then the delay in samples."""
+        """Return the misfit (2M,) and its gradient for log(θ/nominal θ) and a delay in samples."""
         theta = chosen.theta * np.exp(x[:p])
         fitted, slopes = frequency_response(chosen, theta, omega, period=period)
         error = weight * np.log(fitted / gain * np.exp(turn * x[p]) + 1e-300)
@@ -155,7 +155,7 @@ def rough_guess(model: Model, response: Spectra, resonance: float | None) -> dic
 
     The initial values depend on the total inertia J and the resonance frequency [rad/s]. The
     inertia is computed from the response |G| ≈ 1/(ω J) at low frequencies. If `resonance` is None,
-    the resonance is assumed at the highest peak of ω |G|.
+    the resonance is assumed to be at the highest peak of ω |G|.
     """
     guess = MODELS[model.name].guess
     if guess is None:

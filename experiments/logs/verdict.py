@@ -84,7 +84,7 @@ def judged(search: Search, best: Fit, chosen: Fit, fit: float, record: Record) -
          free and lag < -HALF * log.smooth * period - EARLY * sd,
          f"the torque acts {-lag / period:.2f} samples before it is logged, which is impossible. "
          "The torque column is late or filtered. The estimates are valid for a column shifted by "
-         "this time. Shift the column by whole samples, or log the torque before its filter"),
+         "this delay. Shift the column by whole samples, or log the torque before its filter"),
         ("problem",
          free and log.output == "speed" and best.lacks and lag > FILTERED * period,
          f"the speed is low-pass filtered with a lag of about {1e3 * lag:.1g} ms, or has another "
@@ -190,5 +190,5 @@ def validate(record: Record, axis: Axis) -> Fit:
     problem.held[-2] = True  # the offset is known
     fit = Fit(setup, setup.begun(problem, axis.offset))
     if not np.isfinite(fit.left):
-        raise LogError("a simulation of this log with the axis failed. Is the log from this axis?")
+        raise LogError("this log cannot be simulated with this axis. Is the log from another axis?")
     return fit

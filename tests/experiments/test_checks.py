@@ -70,7 +70,7 @@ def test_columns_in_german_and_french(names, clean, tmp_path):
 def test_units_that_are_not_stated_are_named(clean, tmp_path):
     """An angle in degrees makes an inertia 57 times too small, and nothing else tells."""
     check = seen(imported(tmp_path, clean), "units")
-    assert check.kind == "note" and "the angle in rad (not deg, rev or mm)" in check.text
+    assert check.kind == "note" and "the angle is in rad (not deg, rev or mm)" in check.text
     assert check.command == "--unit angle=UNIT"
     slow = {"time": 50 * clean["time"]}  # ms at 20 kHz?
     assert seen(imported(tmp_path, clean | slow, STATED), "units").command == "--unit time=UNIT"
@@ -85,7 +85,7 @@ def test_outliers_are_named_and_hide_other_checks(by, clean, tmp_path):
     angle[[700, 4200, 4201, 9100]] += by
     result = imported(tmp_path, clean | {"angle": angle}, STATED)
     check = seen(result, "outliers of the motion")
-    assert check.kind == "problem" and "0.7, 4.2, 4.201, 9.1 s (4 samples)" in check.text
+    assert check.kind == "problem" and "0.7, 4.2, 4.201, 9.1 s (4 outliers)" in check.text
     assert not any(check.name.startswith("signs") for check in result.checks)
     empty = np.where(angle == clean["angle"], angle, np.nan)  # what is advised
     result = imported(tmp_path, clean | {"angle": empty}, STATED)

@@ -52,7 +52,7 @@ def test_a_change_and_a_covariate_are_found(days, capsys):
     said = capsys.readouterr().out
     assert 11 < float(re.search(r"f_m changed by \+([\d.]+)", said)[1]) < 13
     assert "at log_19.csv" in said
-    assert "for each unit of temp" in said and "J_m = 0.01, no change" in said
+    assert "per unit of temp" in said and "J_m = 0.01, no change" in said
     table = pd.read_csv(days.with_suffix(".csv"), index_col=0)
     assert [*table.columns] == ["J_m", "f_m", "J_m_sd", "f_m_sd", "temp"] and len(table) == 30
     assert "<svg" in days.with_suffix(".html").read_text()
