@@ -59,7 +59,7 @@ class Explained:
     left : float
         Sum of the squared residuals, weighted by their inverse variances.
     chance : float
-        Upper bound of the probability that noise alone produces such a change.
+        Upper bound on the probability that noise alone produces such a change.
     """
 
     kind: Kind
@@ -85,7 +85,7 @@ def explain(value: Array, deviation: Array, covariates: Array, *, false_alarms: 
     covariates : ndarray (n, q)
         Values of the q covariates for each estimate.
     false_alarms : float
-        Upper bound of the probability of reporting a change in a sequence without a change.
+        Upper bound on the probability of reporting a change in a sequence without a change.
     """
     n = len(value)
     base: Array = np.column_stack([np.ones(n), covariates - np.sum(covariates, axis=0) / n])
