@@ -25,7 +25,7 @@ Q = information(
 )
 print("diagonal of Q:", np.diag(Q).round(1))
 correlation = Q[0, 2] / np.sqrt(Q[0, 0] * Q[2, 2])
-print(f"correlation of k_T and f_m: {correlation:.2f}")
+print(f"correlation of the gradients for k_T and f_m: {correlation:.2f}")
 
 
 # %% Three designs

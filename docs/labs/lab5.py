@@ -56,7 +56,7 @@ plt.show()
 
 # %% The error after the restart
 # Question 3: if mu is much too large, how does it affect the estimates while the axis moves?
-print("  mu     peak of P   (1-lambda)/mu   largest error of k_T, 1/J_a after the restart")
+print("  mu     peak of P   (1-lambda)/mu   largest error of k_T and 1/J_a after the restart")
 for mu, (largest, theta) in results.items():
     bound = (1 - FORGETTING) / mu if mu else np.inf
     burst = np.abs(theta[restart : restart + 400, :2] - 1).max()

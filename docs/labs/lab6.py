@@ -88,7 +88,7 @@ lag_plain = np.mean([lag(theta) for theta, _ in plain])
 lag_quick = np.mean([lag(theta) for theta, _ in quick])
 print(
     f"lag without reset {lag_plain:.2f} s, lag with reset {lag_quick:.2f} s, "
-    f"lower bound of the lag {lag_bound:.3f} s"
+    f"lower bound on the lag {lag_bound:.3f} s"
 )
 time = record.time[onset - 100 : onset + 600] - 10
 for runs, label in ((plain, "forgetting"), (quick, "with reset")):
