@@ -67,7 +67,7 @@ def identify(args: Args) -> int:
       flexaxis identify rec.nc --model two_mass -o axis.toml
       flexaxis identify rec.nc --model two_mass --friction coulomb --validate tuesday.nc
       flexaxis identify log.csv --torque current --angle phi --fix k_T=0.6 --fix f_l=0.01
-      flexaxis identify rec.nc --model my_axis.toml --free J_m --free k --json
+      flexaxis identify rec.nc --model my_axis.toml --free J_m,k --json
       flexaxis identify days/ --model axis.toml --covariate temp
     """
     from rich.console import Console
@@ -103,7 +103,7 @@ def track(args: Args) -> int:
     """
     code = (args.estimator or "").partition(":")[0]
     path = _target(args, "-track.nc", args.model, code)
-    names = list(dict.fromkeys(",".join(args.identify).split(",")))
+    names = list(dict.fromkeys(args.identify))
     result = fx.track(args.log, args.model, names, args.estimator, start=args.start,
                       columns=tables_of(args))  # fmt: skip
     return _saved(args, result, path)

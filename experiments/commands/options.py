@@ -46,6 +46,7 @@ def part(text: str) -> tuple[int, int]:
 
 PATH, SEVERAL = {"type": Path}, {"action": "append", "default": []}
 VALUES = {**SEVERAL, "type": assignment}
+LISTED = {"action": "extend", "default": [], "type": lambda text: text.split(",")}
 NUMBER, WHOLE, ZERO = {"type": float}, {"type": int}, {"type": int, "default": 0}
 NAMES = "Names of suites or scenarios from `flexaxis list`, or paths of TOML files"
 ESTIMATOR = (
@@ -158,7 +159,8 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "track: --model AXIS.toml": ("Axis file that `flexaxis identify` wrote.",
                                  {"required": True}),
     "--free PARAMETER": ("Identify only this parameter (default: all parameters that the log "
-                         "determines). Repeat the option for several parameters.", SEVERAL),
+                         "determines). Write J_m,k or repeat the option for several parameters.",
+                         LISTED),
     "--fix PARAMETER[=VALUE]": ("Hold this parameter constant at VALUE [SI] (default: hold no "
                                 "parameter). Without VALUE, hold the parameter at its start value. "
                                 "Repeat the option for several parameters.", VALUES),
@@ -179,7 +181,7 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
                          "test).", PATH),
     "--identify PARAMETER": (
         "Parameter to track, or the inverse of a parameter, such as 1/J_l. For several parameters, "
-        "write 1/J_l,k or repeat the option.", {"required": True, **SEVERAL},
+        "write 1/J_l,k or repeat the option.", {"required": True, **LISTED},
     ),
     "--covariate NAME": ("Column with a quantity, such as a temperature, that can explain "
                          "differences between the logs in a folder (default: no column). Repeat "
