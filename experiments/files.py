@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from flexaxis.sim.errors import FlexaxisError, did_you_mean
-from flexaxis.sim.files import atomic, json_value, read_text
+from flexaxis.sim.text_files import atomic, json_value, read_text
 
 REPORT, SUMMARY = "report.html", "summary.json"
 PathLike = str | os.PathLike[str] | None

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, get_args
 from pydantic import BaseModel, ValidationError
 
 from flexaxis.sim.errors import ParameterError, unknown
-from flexaxis.sim.files import shown
 from flexaxis.sim.parameters import (
     DATA_SHEET,
     FIXED,
@@ -26,6 +25,7 @@ from flexaxis.sim.stability import loop_problem
 from flexaxis.sim.tables.config import kinds
 from flexaxis.sim.tables.excitation import Excitation
 from flexaxis.sim.tables.faults import A_SAMPLE, Fault, Profile, changeable
+from flexaxis.sim.text_files import shown
 from flexaxis.sim.timing import PERIOD, TICK, sample_index
 
 if TYPE_CHECKING:

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from flexaxis.models_mjcf import DEFAULT
 from flexaxis.sim.errors import RecordError
-from flexaxis.sim.files import atomic
 from flexaxis.sim.parameters import LAW_NAMES, PARAMETER_NAMES, model_with, parameter_names
+from flexaxis.sim.text_files import atomic
 from flexaxis.sim.timing import rate
 
 if TYPE_CHECKING:

@@ -16,7 +16,6 @@ from flexaxis.models_mjcf import DEFAULT, MODEL_NAMES
 from flexaxis.sim import identity
 from flexaxis.sim.conflicts import conflicts, problems
 from flexaxis.sim.errors import ScenarioError, unknown
-from flexaxis.sim.files import read_text, toml_tables, toml_text
 from flexaxis.sim.overrides import set_keys, suffix
 from flexaxis.sim.parameters import (
     DATA_SHEET,
@@ -34,6 +33,7 @@ from flexaxis.sim.tables.controller import ControllerConfig
 from flexaxis.sim.tables.events import Event, changed, find_events
 from flexaxis.sim.tables.excitation import Excitation, Multisine
 from flexaxis.sim.tables.faults import Fault
+from flexaxis.sim.text_files import read_text, toml_tables, toml_text
 from flexaxis.sim.timing import PERIOD, Grid, checked_period, sample_index
 
 Array = NDArray[np.float64]

@@ -45,22 +45,6 @@ GROUPS = {
 }
 """Descriptions of the scenario groups in the catalogue, in the order of `flexaxis list`."""
 
-FAULTS = {
-    "worn or dry motor bearing, or dragging brake": "f_m",
-    "worn gear or failing gear bearing": "f_g",
-    "seizing bearing of the arm": "f_a",
-    "dry friction due to a tight seal, preload or dirt": "f_c",
-    "demagnetised motor or lost phase": "k_T",
-    "picked-up load or changed tool": "J_a",
-    "loose coupling or cracked gear tooth": "k_g",
-    "loose or cracked joint of the arm": "k_a",
-    "aged damper in the gear coupling": "d_g",
-    "aged damper in the arm coupling": "d_a",
-    "additional part on the motor shaft": "J_m",
-    "additional part on the gear": "J_g",
-}
-"""Name of the parameter that each physical fault changes, keyed by a description of the fault."""
-
 Line = dict[str, str]
 
 
@@ -287,9 +271,11 @@ def suites(find: str = "") -> list[Line]:
 
 def faults(find: str = "") -> list[Line]:
     """Return all physical faults, each with the parameter that it changes and its scenarios."""
+    from flexaxis.sim.tables.faults import CAUSES
+
     lines = scenarios()
     result = []
-    for fault, parameter in FAULTS.items():
+    for fault, parameter in CAUSES.items():
         names = [line["name"].removesuffix("-v1") for line in lines if line["faults"] == parameter
                  and line["group"] not in ("control", "known")]  # fmt: skip
         result.append({"fault": fault, "parameter": parameter, "scenarios": ", ".join(names)})

@@ -23,8 +23,8 @@ from flexaxis.experiments.running.progress import LINE
 from flexaxis.experiments.running.runner import check_failures
 from flexaxis.experiments.scoring.intervals import FLOOR
 from flexaxis.sim.errors import FlexaxisError, did_you_mean
-from flexaxis.sim.files import read_toml, toml_text
 from flexaxis.sim.scenario import Scenario
+from flexaxis.sim.text_files import read_toml, toml_text
 
 EXCESS = "excess"  # default measure of noise; the alternative is the std of one parameter
 TOLERANCE = 0.01  # relative tolerance of the matched noise

@@ -14,7 +14,7 @@ from typing import Any
 from flexaxis.experiments.demo.page import Page
 from flexaxis.experiments.demo.session import DEFAULT_RACERS, MARK, DemoSession
 from flexaxis.sim.errors import FlexaxisError
-from flexaxis.sim.files import read_text, toml_tables
+from flexaxis.sim.text_files import read_text, toml_tables
 from flexaxis.sim.timing import PERIOD, sample_index
 
 HOST, PORT = "127.0.0.1", 8080

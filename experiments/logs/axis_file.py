@@ -17,8 +17,8 @@ from flexaxis.estimators.models.model import Model
 from flexaxis.experiments.files import write_text
 from flexaxis.experiments.logs.findings import LogError, checked
 from flexaxis.sim.errors import did_you_mean
-from flexaxis.sim.files import read_toml, toml_text
 from flexaxis.sim.record import Record
+from flexaxis.sim.text_files import read_toml, toml_text
 
 _MODEL = ("model", "name", "states", "A", "B", "C", "law", "nominal")
 SAME_RATE = 0.01  # maximum relative difference between two sampling rates that count as equal

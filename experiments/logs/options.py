@@ -68,7 +68,7 @@ def tables_of(args: argparse.Namespace) -> dict[str, Any]:
     """Return the arguments of `fx.import_log`. Options override values in the ``--map`` file."""
     from flexaxis.experiments.logs.findings import LogError, checked
     from flexaxis.experiments.logs.mapping import LogMap
-    from flexaxis.sim.files import read_toml
+    from flexaxis.sim.text_files import read_toml
 
     tables = read_toml(args.map, LogError) if args.map else {}
     checked(LogMap, tables, args.map)

@@ -17,10 +17,10 @@ from pathlib import Path
 import h5py
 
 from flexaxis.experiments.scoring.nominal_torque import nominal_runs
-from flexaxis.sim.files import atomic
 from flexaxis.sim.record import SIGNALS, Record
 from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.simulate import made_with, record_of, simulate
+from flexaxis.sim.text_files import atomic
 
 LIMIT = 2 * 1024**3  # default size limit of the cache [bytes]
 SHORT = 12

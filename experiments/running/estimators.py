@@ -42,9 +42,9 @@ from flexaxis.experiments.scoring.parameter_names import check_model, known_name
 from flexaxis.models_mjcf import DEFAULT
 from flexaxis.sim.conflicts import estimated_problems
 from flexaxis.sim.errors import did_you_mean
-from flexaxis.sim.files import shown, toml_tables
 from flexaxis.sim.parameters import ESTIMATED_ONLY, LAW_NAMES
 from flexaxis.sim.scenario import Scenario
+from flexaxis.sim.text_files import shown, toml_tables
 
 GROUP = "flexaxis.estimators"
 KEPT = 48  # number of registered estimators that a process caches

@@ -16,9 +16,9 @@ from flexaxis.experiments.running.study import ALL, Study, is_option, units
 from flexaxis.experiments.running.user_code import names_code
 from flexaxis.sim.conflicts import explain
 from flexaxis.sim.errors import FlexaxisError, ScenarioError, did_you_mean
-from flexaxis.sim.files import read_toml
 from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.tables.config import Config, Word
+from flexaxis.sim.text_files import read_toml
 
 FIRST = 1000
 """First random seed for reported results; seeds 0 to 99 are reserved for tuning."""

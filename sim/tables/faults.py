@@ -17,6 +17,23 @@ from flexaxis.sim.timing import Grid
 Array = NDArray[np.float64]
 
 
+CAUSES = {
+    "worn or dry motor bearing, or dragging brake": "f_m",
+    "worn gear or failing gear bearing": "f_g",
+    "seizing bearing of the arm": "f_a",
+    "dry friction due to a tight seal, preload or dirt": "f_c",
+    "demagnetised motor or lost phase": "k_T",
+    "picked-up load or changed tool": "J_a",
+    "loose coupling or cracked gear tooth": "k_g",
+    "loose or cracked joint of the arm": "k_a",
+    "aged damper in the gear coupling": "d_g",
+    "aged damper in the arm coupling": "d_a",
+    "additional part on the motor shaft": "J_m",
+    "additional part on the gear": "J_g",
+}
+"""Name of the parameter that each physical fault changes, keyed by a description of the fault."""
+
+
 def changeable(names: Iterable[str]) -> tuple[str, ...]:
     """Return the names of the parameters that can change during a run.
 
@@ -230,7 +247,7 @@ class Profile(Config):
 
     @field_validator("points")
     @classmethod
-    def _in_order(cls, points: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+    def _in_order(cls, points: tuple[Point, ...]) -> tuple[Point, ...]:
         times = [time for time, _ in points]
         if not times:
             raise ValueError("the array must have at least one entry, not []")

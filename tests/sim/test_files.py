@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from flexaxis.sim.files import atomic
+from flexaxis.sim.text_files import atomic
 
 
 def write(path, text):
