@@ -124,7 +124,7 @@ class Problem:
         memory, slowest = self.period / max(1 - weight, 1e-300), 1 / rates.min(initial=np.inf)
         if memory < SHORT * slowest:
             warnings.warn(
-                f"the estimator {name} has a memory of {memory:.3g} s (forgetting={weight:g}), but "
+                f"the estimator {name} has a memory of {memory:.3g} s for λ = {weight:g}, but "
                 f"the slowest pole of the axis has a time constant of {slowest:.3g} s. The "
                 f"estimates can diverge; set forgetting={1 - self.period / slowest:.6g} or more, "
                 "or use the estimator glr",

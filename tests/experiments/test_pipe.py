@@ -143,8 +143,8 @@ def test_the_header_has_what_there_is_to_know(program, tmp_path):
 FIRST = [
     ("assert take(8)", "sys.exit('no licence')\nassert take(8)", "0 of 24 bytes"),
     ("period, output, v", "print('{}' * 20, flush=True)\nperiod, output, v", r"answered b'\{\}"),
-    ('"<IIII", version, mark', '">IIII", version, mark', "describes the correct header"),
-    ('"<IIII", version, mark', '"<IIII", 2, mark', "describes the correct header"),
+    ('"<IIII", version, mark', '">IIII", version, mark', "header that docs"),
+    ('"<IIII", version, mark', '"<IIII", 2, mark', "header that docs"),
     ('.ljust(32, b"\\0"))', ")\nsys.exit()", "ended after sending 35 of 64 bytes"),
 ]  # fmt: skip
 
