@@ -5,21 +5,22 @@ Each additional parameter that a filter estimates increases the variance of all 
 even if the nominal value of the additional parameter is correct. Let μ be the filter's estimate of
 all parameters, and let Σ be the covariance of μ. Let s₀ be the nominal values of a parameter group
 s. The normalised squared deviation of the estimate from s₀ is χ² = (μ_s − s₀)ᵀ Σ_ss⁻¹ (μ_s − s₀).
-The conditional estimate of all parameters, which takes the nominal values s₀ as exact, is μ + Σ_·s
+If the nominal values s₀ are taken as exact, the conditional estimate of all parameters is μ + Σ_·s
 Σ_ss⁻¹ (s₀ − μ_s). The shrunk estimate is a weighted mean of the filter's estimate μ and the
 conditional estimate given s₀. The following formula gives the weight w of the conditional estimate:
 
     w = 1/(1 + exp(½(χ² − c))),
 
-The constant c is the 95 % quantile of the χ² distribution for the number of parameters in the
-group. If the constant c were twice the number of parameters in the group, the weight w would be the
-Akaike weight of section 2.9 of *Model selection and multimodel inference* (Burnham and Anderson,
-2002). A wrong nominal value shifts an estimate by at most about √c standard deviations, where c is
-the 95 % quantile of the χ² distribution. If the weights were Bayes factors, the estimates would
-remain near a wrong nominal value for far longer. The shrinkage is applied to one parameter group
-after the other. The shrinkage does not change the filter state. For each parameter group, the term
-w(1 − w) d dᵀ is added to the covariance, where w is the weight of the conditional estimate, and d
-is the difference between the conditional estimate and the filter's estimate μ.
+The constant c is the 95 % quantile of the χ² distribution with one degree of freedom for each
+parameter in the group. If the constant c were twice the number of parameters in the group, the
+weight w would be the Akaike weight defined in section 2.9 of *Model selection and multimodel
+inference* (Burnham and Anderson, 2002). A wrong nominal value shifts an estimate by at most about
+√c standard deviations, where c is the 95 % quantile of the χ² distribution. If the weights were
+Bayes factors, the estimates would remain near a wrong nominal value for far longer. The parameter
+groups are shrunk one after another. The shrinkage does not change the filter state. For each
+parameter group, the term w(1 − w) d dᵀ is added to the covariance, where w is the weight of the
+conditional estimate, and d is the difference between the conditional estimate and the filter's
+estimate μ.
 """
 
 from collections.abc import Sequence
@@ -45,8 +46,8 @@ class Told(NamedTuple):
     union : (u,) array
         Indices in θ of the parameters that are tracked or belong to a parameter group.
     members, values : (groups, most) arrays
-        Positions in ``union`` of the members of each parameter group, padded with −1, and nominal
-        values of the members.
+        Position of each group member in ``union``, padded with −1, and nominal value of each group
+        member.
     limit : (groups,) array
         Quantile c of the χ² distribution for each parameter group.
     drawn : (u,) array

@@ -134,8 +134,8 @@ def make_design(
     scale = start if scale is None else finite_vector("scale", scale, p)
     if not scale.all():
         raise EstimatorError(
-            f"theta0 is {start}, but the scale of a parameter that starts at 0 is unknown; give "
-            "the expected magnitude of the parameter"
+            f"theta0 is {start}, but the scale of a parameter that starts at 0 is unknown; start "
+            "the parameter at its expected magnitude"
         )
     lower, upper = np.sort([lower / scale, upper / scale], axis=0)
     squares = np.outer(scale, scale)
@@ -257,9 +257,9 @@ def _box(
         lower, upper = (finite_vector("bounds", bound, len(theta0)) for bound in bounds)
     if np.any((lower * upper <= 0) & ~additive):
         raise EstimatorError(
-            f"the bounds {lower} … {upper} contain zero, but a physical parameter cannot change "
+            f"the bounds {lower} to {upper} contain zero, but a physical parameter cannot change "
             "its sign; give two bounds with the same sign (and a nonzero initial value)"
         )
     if np.any(theta0 < lower) or np.any(theta0 > upper):
-        raise EstimatorError(f"the bounds {lower} … {upper} do not enclose theta0 = {theta0}")
+        raise EstimatorError(f"the bounds {lower} to {upper} do not enclose theta0 = {theta0}")
     return lower, upper

@@ -2,24 +2,24 @@
 Detection of a stuck or saturated sensor, and of a diverged filter that needs a reset.
 
 A sensor reading that repeats while the axis moves indicates a stuck or saturated sensor. Noisy
-analogue readings never repeat exactly, but encoder counts do. If the speed is computed from encoder
-readings, its error is less than q, which is one count per period, and has a triangular distribution
-with the variance q²/6. The true speed can therefore change by up to 2q, or 4.9 standard deviations
-of the speed error, between two equal readings. The filter treats a sensor as stuck if the
-prediction ŷ has changed by more than four counts (4q) since the sensor first returned its current
-reading. While the sensor is stuck, the filter ignores all samples until the reading changes. The
-filter also ignores later occurrences of the repeated reading, because this reading could be the end
-of the sensor range. If a later reading lies outside the assumed sensor range, the repeated reading
-was not the end of the range, and the filter no longer ignores it.
+analogue readings never repeat exactly, but encoder counts do. Let q be one count per period. If the
+speed is computed from encoder readings, the speed error is less than q and has a triangular
+distribution with the variance q²/6. The true speed can therefore change by up to 2q, or 4.9
+standard deviations of the speed error, between two equal readings. The filter treats a sensor as
+stuck if the prediction ŷ has changed by more than four counts (4q) since the sensor first returned
+its current reading. While the sensor is stuck, the filter ignores all samples until the reading
+changes. The filter also ignores later occurrences of the repeated reading, because this reading
+could be the end of the sensor range. If a later reading lies outside the assumed sensor range, the
+repeated reading was not the end of the range, and the filter no longer ignores it.
 
 Before a stuck sensor is detected, its wrong readings can move the estimate far from the true value.
 When the readings of a stuck sensor change again, filters without forgetting and filters that model
 parameter jumps are reset. Any filter is reset if its prediction ŷ is not a number. A filter with
-forgetting recovers without a reset, unless its estimate has reached another local minimum of the
+forgetting recovers without a reset, unless its estimate has reached a wrong local minimum of the
 mean squared residual. A filter with forgetting is therefore reset only if its residual has been
-large relative to y and autocorrelated for longer than the memory of the filter. The waiting time
-before a reset doubles after each reset, so a filter remains diverged for at most twice as long as
-the sensor was wrong.
+both autocorrelated and large relative to y for longer than the memory of the filter. The waiting
+time before a reset doubles after each reset, so a filter remains diverged for at most twice as long
+as the sensor was wrong.
 
 All thresholds are relative to y or to the noise in y, so the unit of y does not matter.
 """

@@ -43,7 +43,8 @@ class RecursiveEstimator(ABC):
     innovation_variance : float
         Innovation variance claimed by the estimator, or NaN if the estimator claims no variance.
     innovations : (N, 2) array
-        Innovation and its claimed variance for each sample of the last call of ``step`` or ``run``.
+        Innovation and its claimed variance for each sample that the last call of ``step`` or
+        ``run`` processed.
 
     Notes
     -----

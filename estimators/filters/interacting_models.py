@@ -174,7 +174,7 @@ def merge(share, P, other, apart):
 
 
 def read_mixture(state: Memory) -> tuple[Array, Array]:
-    """Return the mean (p,) and the covariance (p, p) of η over all modes."""
+    """Return the mean and the covariance of η over all modes, as arrays (p,) and (p, p)."""
     weights, theta = state["predicted"], state["theta"][:-1]  # both are values after mixing
     p, mean = theta.shape[1], weights @ theta
     apart = theta - mean

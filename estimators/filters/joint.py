@@ -41,10 +41,10 @@ class Joint(NamedTuple):
     lower, upper : (p,) arrays
         Bounds of η.
     P : (m, w) array
-        Covariance of ξ, with rows padded with zeros.
+        Covariance of ξ; the rows are padded with zeros.
     G, GP : (n+1, m), (n+1, w) arrays
-        Derivatives of the predicted states and output with respect to ξ, and the product of the
-        derivatives and P.
+        Derivatives of the predicted states and output with respect to ξ, and these derivatives
+        multiplied by P.
     gain : (m,) array
         Gain K, multiplied by √S.
     ceiling : (p,) array
@@ -73,8 +73,8 @@ def joint_arrays(design: Design, *, rests: bool = False, **more: float) -> dict[
     ----------
     design : Design
     rests : bool
-        Whether every sensor reading that differs from the previous one is used to update the noise
-        variance R, even while the axis is at rest.
+        Whether the filter updates the noise variance R with every sensor reading that differs from
+        the previous one, even while the axis is at rest.
     **more : float
         Initial values of further scalar variables.
     """

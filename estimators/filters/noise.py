@@ -2,24 +2,23 @@
 The noise variance R of y, which the user specifies or the filter estimates.
 
 The innovation e = y − ŷ has the variance S = hᵀPh + R. One step of the expectation-maximisation
-algorithm replaces R by hᵀPh R/S + e² R²/S². The filter averages hᵀPh R/S + e² R²/S² over time to
-estimate R. The estimation of R is a recursive form of the method in *An approach to time series
-smoothing and forecasting using the EM algorithm* (Shumway and Stoffer, 1982). A sample contains
-little information about the noise variance R if the uncertainty of ξ dominates the innovation
-variance S.
+algorithm replaces R by hᵀPh R/S + e² R²/S². To estimate R, the filter averages this expression over
+time. The estimation of R is a recursive form of the method in *An approach to time series smoothing
+and forecasting using the EM algorithm* (Shumway and Stoffer, 1982). A sample contains little
+information about the noise variance R if the uncertainty of ξ dominates the innovation variance S.
 
 A parameter change also increases the squared innovation e². The effect of a parameter change on e
 is smooth, so it almost vanishes in the third difference of e. A second running mean therefore uses
 the squared third difference (e[k] − 3e[k−1] + 3e[k−2] − e[k−3])²/20 instead of e². The idea of
 using differences comes from *Residual variance and residual pattern in nonlinear regression*
 (Gasser, Sroka and Jennen-Steinmetz, 1986). The estimate of R is the smaller of two running means:
-the mean of e² and the mean of the squared third difference. If the mean of e² and the mean of the
-squared third difference differ strongly, the filter adapts R more slowly.
+the mean of e² and the mean of the squared third difference. If the mean of the squared third
+difference is far below the mean of e², the filter adapts R more slowly.
 
 All thresholds are relative to the data, so the unit of y does not matter. If y is an angle, the
 filter measures the angle relative to the first reading. For an angle, R is at least q²/12, the
-variance of the encoder's rounding error. The step q is the smallest difference between two
-successive readings so far.
+variance of the encoder's rounding error. The encoder step q is the smallest nonzero difference
+between two successive readings so far.
 
 Angle measurements are so accurate that every model error affects the innovations. If y is an angle,
 the model therefore contains white torque noise that acts on the motor. The torque noise variance
@@ -68,7 +67,7 @@ CONSISTENCY = clipped_variance(CLIP)
 @inlined
 def judge(state, y, valid, prediction, spread):
     """
-    Store the innovation and update R; return the checked output, or NaN for a sample to skip.
+    Store the innovation and update R; return the checked output, or NaN to skip the sample.
 
     The argument ``spread`` is hᵀPh, the output variance due to the uncertainty of ξ. If R is
     unknown, the filter uses no sample until the axis moves. When the axis starts to move, R is

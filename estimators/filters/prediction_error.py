@@ -74,7 +74,7 @@ class Recursion(NamedTuple):
         Diagonal of P(0), and values up to which the diagonal of P can grow regardless of the
         variance limit. A reset of P increases ``granted``.
     regularization : (p,) array
-        Weights μ.
+        Regularisation weights μ of equation (12).
     """
 
     now: Annotated[NDArray[np.void], NUMBERS, 1]
@@ -148,7 +148,7 @@ def recursion(
 @inlined
 def measure(state, y, valid):
     """
-    Update η, P and Σ with a measurement by equations (5)–(7), and restrict η to its bounds.
+    Use equations (5)–(7) to update η, P and Σ with a measurement, and clip η to its bounds.
 
     A filter that corrects its state also adds the effect z Δθ of the parameter change to its state
     and output.
@@ -231,8 +231,7 @@ def _learn(now, psi, square):
     Update the noise variance R̂ with a squared residual, and return whether the axis is excited.
 
     The noise variance R̂ is a mean of ε²/(1+ψᵀΣψ): the arithmetic mean over the first samples, and
-    later an exponentially weighted mean. The estimate R̂ does not change while the axis is not
-    excited.
+    later an exponentially weighted mean. The estimate R̂ is updated only while the axis is excited.
 
     The noise variance R̂ is computed from the residual itself, whereas `filters.noise` also uses
     the third difference of the innovation. The predictor has no process noise, so R̂ must include

@@ -133,7 +133,7 @@ def is_known(now):
 
 @inlined
 def bound(P, ceiling):
-    """Scale rows and columns of P (m, m) so that each variance is at most its ``ceiling`` (p,)."""
+    """Scale rows and columns of P so that no variance P_ii exceeds its limit ``ceiling[i]``."""
     for i in range(len(ceiling)):
         if P[i, i] > ceiling[i]:
             factor = np.sqrt(ceiling[i] / P[i, i])

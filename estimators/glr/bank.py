@@ -23,9 +23,9 @@ mean over all hypotheses, including the hypothesis that no parameter jumped.
 The grid of onset times becomes coarser towards the past. Level 0 of the grid contains the last
 `PER_LEVEL` onsets at the finest spacing. Each further level of the grid contains `MORE` older
 onsets at twice the spacing of the previous level. When the age of an onset reaches `PER_LEVEL` grid
-spacings, the onset moves to the next level if it fits the coarser grid, and is dropped otherwise.
-Each onset therefore belongs to exactly one level and represents all jump times within one grid
-spacing.
+spacings, the onset moves to the next level if it lies on the coarser grid. Otherwise the onset is
+dropped. Each onset therefore belongs to exactly one level and represents all jump times within one
+grid spacing.
 """
 
 from typing import NamedTuple
@@ -118,7 +118,7 @@ def open_slots(bank, state, now):
 
 @inlined
 def _slot(level, number):
-    """Return the slot for the onset with the index ``number`` on one level of the onset grid."""
+    """Return the slot of onset ``number`` on the given level of the onset grid."""
     return number % PER_LEVEL if level == 0 else MORE * (1 + level) + number % MORE
 
 
@@ -139,7 +139,7 @@ def _move(bank, row, to):
 
 @inlined
 def _begin(bank, state, row, now):
-    """Start all hypotheses with a jump at sample ``now``, and store the current filter state."""
+    """Start the hypotheses for jumps at sample ``now``, and store the current filter state."""
     columns, kept = bank.columns, bank.kept[row]
     m, q, p = len(state.P), len(bank.which), len(state.lower)
     bank.onset[row] = now

@@ -70,8 +70,9 @@ def time_scale(model: Model, period: float) -> float:
     Return the time constant of the slowest oscillation of an axis, in seconds.
 
     For an axis without oscillation, the function returns the time constant of the slowest pole,
-    limited to the range from `FEWEST` to `MOST` samples. The upper limit excludes the time constant
-    of a coasting motor, because the effect of a torque becomes visible much earlier.
+    limited to the range from `FEWEST` to `MOST` samples. The upper limit prevents the use of a
+    coasting motor's time constant, which is much longer than the time until the effect of a torque
+    becomes visible.
 
     Parameters
     ----------
@@ -217,7 +218,7 @@ def bank_of(
     which : (q,) sequence
         Indices in θ of the parameters that can jump.
     log_prior : (q,) array
-        Log probability that a parameter jumps in one sample, for each parameter that can jump.
+        For each parameter that can jump, the log probability of a jump in one sample.
     told : dict of str to array
         Arrays returned by `flexaxis.estimators.filters.constrained.told_arrays`.
     waves : int

@@ -9,7 +9,8 @@ recursion is δ ← F δ − K φ + Γ B. As for a parameter jump, an informatio
 determine the size of the torque and the evidence for it. For each integer number of waves per
 revolution, the search tests a sine and a cosine torque. Over many revolutions, the sines and
 cosines of different waves are uncorrelated. If the evidence for the strongest wave is sufficient,
-the estimator switches to a filter whose model includes this wave, starting from the current state.
+the estimator switches to a filter whose model includes this wave. The new filter starts from the
+current state.
 """
 
 from typing import NamedTuple
@@ -96,8 +97,7 @@ def strongest_wave(bank: Memory, variance: float) -> tuple[int, float, float] | 
     The evidence for a wave is reduced by ½ ln n for each unknown of the wave, and by the logarithm
     of the number of tested waves. If successive innovations have a correlation ρ after the wave has
     been subtracted, the number n of samples is divided by (1+ρ)/(1−ρ). The computation of ρ assumes
-    that the part of the innovations due to the wave is fully correlated from one sample to the
-    next.
+    that the wave's contribution to the innovations is fully correlated from one sample to the next.
 
     Parameters
     ----------

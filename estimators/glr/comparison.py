@@ -63,7 +63,7 @@ class _Candidate:
     spread : float
         Standard deviation of the jump size over the probable onsets in the hypothesis bank.
     instead : bool
-        Whether the candidate would replace the last detected jump instead of following it.
+        Whether the candidate would replace the last detected jump, rather than add a further jump.
     evidence : float
         Log-likelihood ratio between the filters with and without the candidate jump.
     deviation : float
@@ -128,7 +128,7 @@ class Comparison:
         self.forget()
 
     def begin(self) -> None:
-        """Start comparing the best hypotheses and the rivals of the last detected jump."""
+        """Start comparing the most probable jumps, and the rivals of the last detected jump."""
         self._compare([*self._best(), *self._rest])
 
     def review(self) -> None:
@@ -325,6 +325,6 @@ class Comparison:
 
 
 def _sized(before: float, after: float, deviation: float) -> dict[str, Any]:
-    """Return the ratio of a parameter's values after and before a jump, with a 95 % interval."""
+    """Return the ratio of a parameter's values after and before a jump, and its 95 % interval."""
     ratio, half = after / before, Z95 * deviation / abs(before)
     return {"ratio": (float(ratio),), "interval": ((float(ratio - half), float(ratio + half)),)}

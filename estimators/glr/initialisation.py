@@ -3,8 +3,7 @@ The initialisation, which learns the structure of an axis from the first seconds
 
 The filter first processes the initialisation samples in the same way as all other samples.
 Parameters that the initialisation samples hardly excite are then fixed at their nominal values. The
-filter processes the initialisation samples again, each time from the latest estimates, as long as
-the likelihood increases.
+filter then processes the initialisation samples repeatedly, as long as the likelihood increases.
 
 Each pass over the initialisation samples starts from the latest estimates. The initial information
 matrix of a pass is P(0)⁻¹ + D. The additional information D is one tenth of the information matrix

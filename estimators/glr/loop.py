@@ -166,10 +166,9 @@ def _follow_misfit(b, s):
     """
     Update the lower limit of the misfit κ: the running mean of e²/S, times (1+ρ)/(1−ρ).
 
-    The symbol ρ denotes the correlation of successive innovations, which a wrong model increases.
-    If innovations are correlated, (1+ρ)/(1−ρ) samples contain as much information as one
-    independent sample. The memory of the running mean is much longer than the time covered by the
-    hypothesis bank.
+    A wrong model increases ρ, the correlation between successive innovations. If innovations are
+    correlated, (1+ρ)/(1−ρ) samples contain as much information as one independent sample. The
+    memory of the running mean is much longer than the time covered by the hypothesis bank.
     """
     e, S = s["innovation"], s["innovation_variance"]
     if np.isnan(e) or not S > 0.0:

@@ -32,8 +32,8 @@ class Workspace:
         Nominal values towards which the estimates are shrunk
         (`flexaxis.estimators.filters.constrained`), in units of the parameter scale.
     fixable : dict of int to str
-        Reason, in words, for fixing a parameter that the data do not excite, keyed by the index of
-        the parameter in θ.
+        Texts that give the reason for fixing a parameter if the data do not excite it, keyed by the
+        index of the parameter in θ.
     shapes : sequence of (indices, indices)
         Indices in θ of dry friction torques, and of the parameters that have no effect without
         these torques.

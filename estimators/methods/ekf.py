@@ -20,9 +20,9 @@ def joint_ekf(design: Design, **torque_noise: float) -> CompiledFilter:
 
     The parameter model is θ[k+1] = θ[k] + w, where w has the covariance W. The state model is
     x[k+1] = f(x[k], θ[k], u[k]), which is exact if the torque u is constant between samples. The
-    measurement model is y = h(x) + e, where e has the variance σ². If y is an angle, noise also
-    acts on the state that the torque drives (`flexaxis.estimators.filters.noise`). The filter is
-    the standard joint filter, which is analysed in *Asymptotic behavior of the extended Kalman
+    measurement model is y = h(x) + e, where e has the variance σ². If y is an angle, torque noise
+    also acts on the state that the torque drives (`flexaxis.estimators.filters.noise`). The filter
+    is the standard joint filter, which is analysed in *Asymptotic behavior of the extended Kalman
     filter as a parameter estimator for linear systems* (Ljung, 1979). Unlike the prediction-error
     method, the Kalman filter also corrects the state with each measurement. The filter limits the
     variance of each θ_i to θ_i(0)² by scaling the corresponding row and column of P. The filter

@@ -3,12 +3,12 @@ The prediction-error method with a CUSUM reset of P or with a variable forgettin
 
 The CUSUM rule resets P when the cumulative sum (CUSUM) of squared residuals indicates a change.
 Each sample updates the cumulative sum by g ← max(0, g + 3/8 s − ln 2), where s = ε²/(R̂(1+ψᵀPψ)) is
-the normalised squared residual. The normalised squared residual s is limited to 16. The current
-sample is excluded from the noise variance R̂ in s. The increment of the cumulative sum g is the
-log-likelihood ratio for a fourfold increase of the residual variance, as in *Continuous inspection
-schemes* (Page, 1954). When the cumulative sum g exceeds the alarm level, P is set to the covariance
-of an unknown parameter change, and g is set to zero. Chapter 3 of *Adaptive Filtering and Change
-Detection* (Gustafsson, 2000) describes CUSUM tests.
+the normalised squared residual. The normalised squared residual s is limited to 16. The noise
+variance R̂ in the formula for s does not include the current sample. The increment of the
+cumulative sum g is the log-likelihood ratio for a fourfold increase of the residual variance, as in
+*Continuous inspection schemes* (Page, 1954). When the cumulative sum g exceeds the alarm level, P
+is set to the covariance of an unknown parameter change, and g is set to zero. Chapter 3 of
+*Adaptive Filtering and Change Detection* (Gustafsson, 2000) describes CUSUM tests.
 
 The variable-factor rule computes the forgetting factor λ = σ_q σ_v/|σ_e − σ_v| from the residual;
 the option ``forgetting`` is the upper limit of λ. The filter therefore forgets faster while the
@@ -90,8 +90,8 @@ def _variable_forgetting(
     forgetting : float, optional
         Upper limit on the forgetting factor λ per sample.
     level : float
-        Ratio of the rms residual to the noise standard deviation, above which the filter forgets
-        faster.
+        Threshold for the ratio of the rms residual to the noise standard deviation. Above the
+        threshold, the filter forgets faster.
     robust, ceiling : float
         As for `Rpem`.
     """

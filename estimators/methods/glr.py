@@ -43,7 +43,7 @@ from flexaxis.estimators.registry import Entry
 WALK = 7e-4  # 1/√s, random walk of θ relative to its scale: 2 % in a quarter of an hour
 FRICTION = 4.5  # walk of friction relative to `WALK`, because friction warms up: 2.4 % in a minute
 STRUCTURE = 3e-4  # 1/√s, walk of parameters that are learnt once, to correct the initial errors
-RATE = 1e-3  # 1/s, rate of jumps of all parameters together: about one in a quarter of an hour
+RATE = 1e-3  # 1/s, total rate of jumps over all parameters: about one in a quarter of an hour
 SUSPECTED = 0.1  # rate of jumps of parameters that are learnt once, relative to tracked parameters
 SPREAD = 0.2  # initial standard deviation of tracked parameters, relative to θ(0)
 

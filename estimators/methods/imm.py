@@ -50,7 +50,7 @@ def joint_imm(
     jump : (p,) array_like
         For each parameter θ_i, the variance that jump mode i adds in every sample.
     rate : float
-        Mean rate of jumps of all parameters together [1/s].
+        Total mean rate of jumps, summed over all parameters [1/s].
     hold : float
         Mean time for which a jump mode remains active [s].
     **torque_noise : float
@@ -102,8 +102,8 @@ def _imm(
         Standard deviation of a parameter jump, relative to θ(0). The default of ``jump`` is 0.3 for
         an axis with a tuned value of ``walk``, and 0.1581 for any other axis.
     rate : float, optional
-        Mean rate of parameter jumps [1/s]. The default of ``rate`` is 1e-6 for an axis with a tuned
-        value of ``walk``, and 1e-3 for any other axis.
+        Total mean rate of jumps, summed over all parameters [1/s]. The default of ``rate`` is 1e-6
+        for an axis with a tuned value of ``walk``, and 1e-3 for any other axis.
     hold : float
         Mean duration of a parameter jump [s].
     """

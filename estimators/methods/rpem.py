@@ -264,8 +264,8 @@ def rpem_forgetting(
     forgetting : float, optional
         Forgetting factor λ per sample.
     regularization : float
-        Dimensionless factor m that determines the regularisation weights μ_i = m (1−λ)/P(0)_ii,
-        which limit P_ii to P(0)_ii/m.
+        Dimensionless regularisation factor m. The regularisation weights μ_i = m (1−λ)/P(0)_ii
+        limit P_ii to P(0)_ii/m.
     state_correction, robust, ceiling : bool, float, float
         As for `Rpem`.
     """
@@ -298,8 +298,8 @@ def rpem_drift(
     scale : float
         Factor that multiplies the covariance Δ of equation (32).
     regularization : float
-        Dimensionless factor m that determines the regularisation weights μ_i = m Δ_ii/P(0)_ii²,
-        which limit P_ii to P(0)_ii/√m.
+        Dimensionless regularisation factor m. The regularisation weights μ_i = m Δ_ii/P(0)_ii²
+        limit P_ii to P(0)_ii/√m.
     robust, ceiling : float
         As for `Rpem`.
     """

@@ -1,4 +1,4 @@
-"""Reproduce the results of the paper of Östring and Gunnarsson with data from MuJoCo.
+"""Reproduce the results of Östring and Gunnarsson's paper with data from MuJoCo.
 
 The module `evidence` simulates the experiments and estimates the parameters. The module `measures`
 computes a numerical measure for each claim from the estimates. The module `claims` and the file

@@ -1,8 +1,8 @@
 """Check the claims of the paper.
 
 The file ``claims.toml`` contains the text of each claim, the measure that tests the claim, and
-limits of the measured values. If limits are not sufficient to test a claim, this module contains an
-additional condition.
+limits for the measured values. If limits are not sufficient to test a claim, this module contains
+an additional condition.
 """
 
 import tomllib
@@ -19,11 +19,11 @@ from flexaxis.experiments.scoring.scores import finite
 CLAIMS = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
 """Claims in the same order as in the paper, keyed by the id of the claim."""
 PEAKS = (95.0, 125.0, 185.0)
-"""Frequencies of the torque spectrum peaks according to the paper [rad/s]."""
+"""Frequencies of the peaks in the torque spectrum according to the paper [rad/s]."""
 
 
 def nearest_half_of_P(ratios: pd.Series) -> bool:
-    """Return whether the measured estimate variances are closer to σ²P/2 than to σ²P or σ²P/4.
+    """Return whether the measured variances are closer to σ²P/2 than to σ²P or σ²P/4.
 
     The argument `ratios` contains the measured standard deviations divided by √(σ²P/2). The
     standard deviations for σ²P and σ²P/4 differ from √(σ²P/2) by a factor of √2.

@@ -1,4 +1,4 @@
-"""Provide the data for the paper's claims: runs simulated with MuJoCo, and parameter estimates.
+"""Provide the data that test the paper's claims: MuJoCo simulations and parameter estimates.
 
 The seeds of the simulated runs were not used to tune any estimator. The module computes each record
 and each estimate when it is first used.
@@ -27,7 +27,7 @@ ByName = Mapping[str, Any]
 Method = str | tuple[float, ...]
 
 FAULTS = {"k_T": ("kt_step-v1", 0.97), "1/J_a": ("ja_step-v1", 1.02), "f_m": ("fm_step-v1", 1.1)}
-"""Scenario with a step of each parameter, and factor of a smaller step, keyed by parameter.
+"""Scenarios in which one parameter steps, and factors of smaller steps, keyed by parameter.
 
 Each smaller step multiplies k_T, J_a or f_m by its factor. The smaller steps are small enough for
 linear theory, but their effects are much larger than the noise.
@@ -91,9 +91,9 @@ class Evidence:
         Nominal values of the identified parameters.
     adaptations : dict of str to dict
         Options of the class `Rpem`, keyed by the name of the method. The methods are forgetting
-        with the λ of the paper, covariance modification with the Δ of equation (32), and two slower
-        methods. Instead of a method name, a tuple with one time constant per parameter [s] is also
-        allowed.
+        with the λ of the paper, covariance modification with the Δ of equation (32), and a slower
+        variant of each. Wherever a method name is expected, a tuple with one time constant per
+        parameter [s] is also allowed.
     """
 
     def __init__(self, *, first: int = FIRST, sizes: Mapping[str, int] = SIZES) -> None:

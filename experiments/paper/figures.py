@@ -1,4 +1,4 @@
-"""Draw Figures 3 to 9 of the paper of Östring and Gunnarsson with data from MuJoCo."""
+"""Draw Figures 3 to 9 of Östring and Gunnarsson's paper with data from MuJoCo."""
 
 from collections.abc import Iterable, Mapping
 from functools import partial
@@ -17,7 +17,7 @@ FREQUENCY, TIME = "frequency [rad/s]", "time [s]"
 
 
 def named(names: Iterable[str], x: Any, rows: Any, **options: Any) -> list[Series]:
-    """Return one labelled curve for each row of y-values, with common x-values `x`."""
+    """Return one labelled curve for each row of y-values; all curves share the x-values `x`."""
     return [
         Series(x=x, y=y, estimator=name, **options) for name, y in zip(names, rows, strict=True)
     ]
@@ -112,7 +112,7 @@ FIGURES: Mapping[str, tuple[Any, str, str]] = {
     "fig9": (
         partial(diagonal, "modification"),
         "Figure 9. Diagonal of P with covariance modification, first run",
-        "The dotted lines show the theoretical values, which solve P Q P = Δ, equation (30).",
+        "The dotted lines show the theoretical values, which solve equation (30), P Q P = Δ.",
     ),
 }
 """Function, title and caption of each figure, keyed by the name of the image file."""

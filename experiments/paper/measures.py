@@ -42,13 +42,13 @@ SLOW = (3 * (1.2,), 3 * (2.4,))
 MU = (0.1, 1.0, 10.0)
 """Values of the regularisation parameter μ for which P(0) is below the bound of P."""
 WINDOW = 1000
-"""Number of samples after a fault or a standstill that the measures evaluate."""
+"""Number of samples that the measures evaluate after a fault or a standstill."""
 LAST = 2000
 """Number of samples at the end of a run from which standard deviations are computed."""
 
 
 def worst(ratios: ArrayLike) -> Array:
-    """Return the ratio that differs most from 1 in each column, inverted if it is below 1."""
+    """For each column, return the ratio that differs most from 1, inverted if it is below 1."""
     return np.exp(np.abs(np.log(ratios)).max(axis=0))
 
 
@@ -80,7 +80,7 @@ class Measures(Evidence):
         return np.std(error) / np.std(record.true_speed)
 
     def samples_late(self) -> ByName:
-        """Return the delay from a step of each parameter to the effect on the speed [samples].
+        """For each parameter, return the delay from its step to the effect on the speed [samples].
 
         The method compares each run with a second run, in which the step occurs one sample later.
         The effect begins at the first sample at which the two runs differ. The delay is 0 if the
@@ -102,7 +102,7 @@ class Measures(Evidence):
                 for i, j in np.argwhere(slope)}  # fmt: skip
 
     def gradient_error(self) -> ByName:
-        """Return the relative error of each component of the gradient ψ, one per parameter.
+        """Return the relative error of each component of the gradient ψ, keyed by parameter.
 
         The reference for the gradient is a finite difference of the predicted output ŷ.
         """
@@ -146,8 +146,8 @@ class Measures(Evidence):
         """Compare the gradient power in the time domain with its value in the frequency domain.
 
         The gradient power is the mean of ψ² in the time domain, and the integral of |G_θ|² Φ_u in
-        the frequency domain. The method returns the ratio of both values in the run in which they
-        differ most.
+        the frequency domain. For each parameter, the method returns the ratio of the two values in
+        the run in which they differ most.
         """
         ratios = []
         for record in self.records("nominal"):
@@ -220,7 +220,7 @@ class Measures(Evidence):
         return {name: np.abs(decibels(result[name] / result["axis"])).max() for name in names}
 
     def final_error(self, percentile: float) -> Array:
-        """Return a percentile of the final error of each parameter with forgetting [%].
+        """For each parameter, return a percentile of the final error with forgetting [%].
 
         The percentile is computed over all runs.
         """
@@ -255,9 +255,9 @@ class Measures(Evidence):
         return P[:, P.shape[1] // 2 :].mean(axis=(0, 1))
 
     def growth_of_P(self) -> Array:
-        """Return the mean diagonal element of P, relative to a run with a smaller covariance Δ.
+        """Return the mean diagonal of P, divided by its value for a smaller covariance Δ.
 
-        The first matrix Δ is from equation (32), and the smaller matrix is Δ/16.
+        The larger covariance is the Δ of equation (32), and the smaller covariance is Δ/16.
         """
         return self.mean_P("modification") / self.mean_P("slow modification")
 
@@ -302,7 +302,7 @@ class Measures(Evidence):
         return P.max() / P[:, 0].max()
 
     def bursts(self) -> ByName:
-        """Return the largest relative error after a standstill, as the median over all runs [%]."""
+        """Return the median over all runs of the largest relative error after a standstill [%]."""
         restart, result = round(PAUSE[1] / self.period), {}
         for mu in (0.0, 1.0):
             theta = self.filtered("pause", "forgetting", mu=mu).theta[:, restart:][:, :WINDOW]
@@ -310,7 +310,7 @@ class Measures(Evidence):
         return result
 
     def steps(self, kind: str, method: Method, **options: float) -> Iterator[Array]:
-        """Yield the estimation errors of each parameter after a step of this parameter, as (S, n).
+        """For each parameter, yield the estimation errors (S, n) after a step of this parameter.
 
         The estimation errors are divided by the step size.
         """

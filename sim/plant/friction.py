@@ -1,4 +1,4 @@
-"""Implement, in one compiled callback, the friction laws that MuJoCo does not provide.
+"""Provide one compiled callback for all friction laws that are missing in MuJoCo.
 
 A process can have only one MuJoCo callback for passive forces. MuJoCo calls this callback whenever
 it computes the passive forces. The callback in this module searches the custom numeric fields of a
@@ -26,7 +26,7 @@ _NUMBERS = 7919  # number of custom numbers in the probe model; no other size ha
 
 
 def install() -> None:
-    """Install the friction callback in MuJoCo; the first call also compiles it in about 1 s.
+    """Install the friction callback in MuJoCo; the first call takes about 1 s to compile it.
 
     Raises
     ------
@@ -38,8 +38,8 @@ def install() -> None:
         if present is not None and present is not ours:
             raise SimulationError(
                 "MuJoCo already has another passive callback, and a process can have only one. "
-                "Remove the callback with mujoco.set_mjcb_passive(None), or simulate friction "
-                "laws in a separate process.",
+                "Remove the other callback with mujoco.set_mjcb_passive(None), or simulate "
+                "friction laws in a separate process.",
                 run=0, time=0.0, reason="passive callback in use",
             )  # fmt: skip
         mujoco.set_mjcb_passive(ours)

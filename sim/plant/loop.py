@@ -34,7 +34,7 @@ class Truth:
     angles : ndarray (N, R, n)
         True angles of the n masses [rad].
     limited : ndarray (R,)
-        Number of samples in each run at which the feed-forward limited a parameter estimate.
+        For each run, the number of samples at which the feed-forward limited a parameter estimate.
     """
 
     torque: Array

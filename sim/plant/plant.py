@@ -31,7 +31,7 @@ _KINDS = {"dof": "joint", "actuator": "actuator"}
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Prevent MuJoCo from printing warnings, or writing them to a file in the user's folder.
+    """Prevent MuJoCo from printing warnings and from writing them to a file in the user's folder.
 
     MuJoCo still counts its warnings, and `Plant.step` raises an error if there is a warning. The
     context manager affects all MuJoCo simulations of the process.
