@@ -28,8 +28,8 @@ WRONG_USE, CRASH, INTERRUPTED = 2, 70, 130
 EPILOG = """\
 first steps:
   flexaxis run smoke                       a first benchmark, with a report
-  flexaxis list                            groups of scenarios, and suites
-  flexaxis simulate fm_step -o rec.nc      ground truth of one run
+  flexaxis list                            scenario groups and suites
+  flexaxis simulate fm_step -o rec.nc      a record with the true parameters
   flexaxis estimate rec.nc --estimator rpem-forgetting -o est.nc
 
 `flexaxis COMMAND --help` explains a command and gives examples.
@@ -49,14 +49,16 @@ class Parser(argparse.ArgumentParser):
         parsed, rest = super().parse_known_args(args, namespace)
         if rest:
             option = rest[0].partition("=")[0]
-            self.error(f"unknown {option!r}.{did_you_mean(option, self._option_string_actions)}")
+            self.error(
+                f"unknown argument {option!r}.{did_you_mean(option, self._option_string_actions)}"
+            )
         return parsed, rest
 
     def error(self, message: str) -> NoReturn:
         """Print an error message that suggests a similar known word, and exit."""
         if wrong := re.search(r"invalid choice: '?([^' ]*)'? \(choose from (.*)\)", message):
             hint = did_you_mean(wrong[1], re.findall(r"[\w.-]+", wrong[2]))
-            message = f"unknown {wrong[1]!r}.{hint or f' Choose from {wrong[2]}.'}"
+            message = f"unknown argument {wrong[1]!r}.{hint or f' Choose from {wrong[2]}.'}"
         self.exit(WRONG_USE, f"{self.prog}: {message} See {self.prog} --help.\n")
 
 
@@ -65,7 +67,7 @@ def parser() -> Parser:
     for module in iter_modules(home.__path__):
         import_module(f"{home.__name__}.{module.name}")
     style: Any = {"allow_abbrev": False, "formatter_class": argparse.RawDescriptionHelpFormatter}
-    words = "Benchmark recursive identification of a geared, flexible robot axis."
+    words = "Benchmark recursive estimators of the parameters of a geared, flexible robot axis."
     top = Parser(prog="flexaxis", description=words, epilog=EPILOG, **style)
     top.add_argument("--version", action="version", version=f"flexaxis {version('flexaxis')}",
                      help="Print the version of flexaxis and exit.")  # fmt: skip
@@ -109,7 +111,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     except BaseException as error:  # SystemExit can only come from user code
         if args.traceback:
             raise
-        status, text = CRASH, f"{args.command} crashed: {describe(error)}; --traceback shows more"
+        text = f"{args.command} crashed: {describe(error)}; add --traceback to print the traceback"
+        status = CRASH
     for line in text.splitlines():
         print(f"flexaxis: {line}", file=sys.stderr)
     return answer(args, {"error": text}, status) if args.json else status

@@ -92,8 +92,8 @@ def check_not_input(inputs: Iterable[PathLike], *outputs: PathLike) -> None:
     Parameters
     ----------
     inputs : iterable of path, str or None
-        Files that the command reads. The function ignores names of other objects, such as
-        scenarios.
+        Files that the command reads. The function ignores entries that are not files, such as
+        scenario names.
     *outputs : path or None
         Files that the command writes.
 

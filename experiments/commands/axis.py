@@ -11,7 +11,7 @@ from flexaxis.sim.errors import FlexaxisError
 
 
 def _target(args: Args, default: str, *inputs: Any) -> Path:
-    """Return the output path, or raise an error if its suffix is wrong or it is an input file."""
+    """Return the output path; raise an error if its suffix is wrong or the file is an input."""
     check_file(args.log)
     path = args.output or args.log.with_name(args.log.stem + default)
     check_not_input((args.log, args.map, *inputs), path, path.with_suffix(".html"))

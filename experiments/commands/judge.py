@@ -23,9 +23,9 @@ def compare(args: Args) -> int:
     compares only their lags. With --match-std, both estimators need a tuning parameter
     (docs/scores.md).
 
-    exit status: 0 no regression; 1 worse; 2 wrong use; 70 a crash; 3 undecided (only with --strict,
-    or if the candidate has at least two more diverged runs than the base, more failed runs, or
-    missing runs)
+    exit status: 0 no regression; 1 worse; 2 wrong use; 3 undecided; 70 a crash. Without --strict,
+    the status of an undecided verdict is 0, unless the candidate has missing runs, more failed runs
+    than the base, or at least two more diverged runs than the base.
 
     example:
       flexaxis compare --base old.py:Mine --candidate new.py:Mine
@@ -74,7 +74,7 @@ def tune(args: Args) -> int:
     The reference estimator is rpem-forgetting with default settings. Each estimator starts at the
     true parameters, and runs on the nominal axis without a fault. The noise measure is the excess
     prediction error, which combines all parameters in one number. The command tries at most 12
-    values of the tuning parameter, from 1/1024 to 1024 times the default.
+    values of the tuning parameter, from 1/1024 to 1024 times its default.
 
     With --sweep, the command does not tune the estimators, but runs each of them with several
     settings on a scenario with a fault. With --sweep, the command prints the lag and noise for each
@@ -95,7 +95,8 @@ def tune(args: Args) -> int:
         table.plot().savefig(figure := folder / "sweep.svg")
         return answer(args, table.content | {"figure": figure}, 0, table, f"figure: {figure}")
     match = (
-        "{setting} is as noisy as rpem-forgetting: their {match} scores have the ratio {ratio:.3f}."
+        "{setting} is as noisy as rpem-forgetting: the ratio of their {match} scores is "
+        "{ratio:.3f}."
     )
     rows = table.to_dict("records")
     lines = [("{estimator} is not tuned: {problem}" if row["problem"] else match).format(**row)
@@ -144,5 +145,5 @@ def new(args: Args) -> int:
       flexaxis new my_estimator.c
     """
     lines = fx.new(args.path)
-    words = f"{args.path} estimates the motor friction f_m. Change the code, then:"
+    words = f"The template {args.path} estimates the motor friction f_m. Change the code, then run:"
     return answer(args, {"path": args.path, "next": lines}, 0, words, *(f"  {x}" for x in lines))

@@ -60,7 +60,7 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "--traceback": "Print the full Python traceback after a crash (default: print one line).",
     "--json": "Print the result as one JSON object (default: print tables and sentences).",
     # inputs
-    "names SUITE|SCENARIO": (f"{NAMES} (required if you do not use --from).", {"nargs": "*"}),
+    "names SUITE|SCENARIO": (f"{NAMES} (required unless you use --from).", {"nargs": "*"}),
     "compare: names SUITE|SCENARIO|RUN": (
         f"{NAMES} (default: the suite 'gate'). To compare two finished runs, give the paths of "
         "their results folders.", {"nargs": "*"},
@@ -69,8 +69,8 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "name SCENARIO|SUITE|ESTIMATOR": "Name of a scenario, suite or estimator, or path of a TOML "
     "file.",
     "kind KIND": (
-        "Type of the entries to list: scenarios, suites, estimators or faults (default: groups of "
-        "scenarios, and suites).",
+        "What to list: scenarios, suites, estimators or faults (default: scenario groups and "
+        "suites).",
         {"nargs": "?", "choices": ("scenarios", "suites", "estimators", "faults")},
     ),
     "file STUDY.toml": ("TOML file that defines the study (see docs/studies.md).", PATH),
@@ -85,8 +85,8 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "log LOG|REC.nc": ("Path of a log (CSV, MAT, HDF5 or NetCDF) or of a record.", PATH),
     "identify: log LOG|REC.nc|FOLDER": ("Path of a log, a record, or a folder of logs.", PATH),
     "lesson LESSON.toml": (
-        "TOML file with a lesson, a list of timed actions that replace mouse clicks (default: no "
-        "lesson).",
+        "TOML file with a lesson, which is a list of timed actions that replace mouse clicks "
+        "(default: no lesson).",
         {"nargs": "?", **PATH},
     ),
     # which runs
@@ -96,35 +96,36 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
                                 {"default": "rpem-forgetting"}),
     "track: --estimator E": f"{ESTIMATOR} (default: ekf, or glr for an axis with dry friction). "
     f"{OWN}",
-    "demo: --estimator E": (f"{ESTIMATOR} (default: the estimators of the lesson, or "
-                            f"rpem-forgetting and glr). {OWN} Give the option twice, once for each "
-                            "of the two estimators.", SEVERAL),
+    "demo: --estimator E": (f"{ESTIMATOR} (default: the estimators that the lesson names, "
+                            f"else rpem-forgetting and glr). {OWN} Give the option twice, once for "
+                            "each of the two estimators.", SEVERAL),
     "--base E": "Reference estimator for the comparison, such as old.py:Mine.",
     "--candidate E": "Estimator to compare with the base estimator, such as new.py:Mine.",
-    "--seeds N|A:B": "Random seeds: either N seeds starting at 1000, or the seeds A to B-1 "
+    "--seeds N|A:B": "Random seeds: N for N seeds from 1000 onwards, or A:B for the seeds A to B-1 "
     "(default: as many seeds as the suite specifies, or 8 seeds for single scenarios). Use the "
     "seeds 0 to 99 for tuning, and the seeds 1000 to 4999 for results.",
-    "compare: --seeds N|A:B": "Random seeds: either N seeds starting at 1000, or the seeds A to "
-    "B-1 (default: as many seeds as the suite specifies, 32 seeds for single scenarios, or all "
-    "seeds that two finished runs have in common).",
-    "tune: --seeds N|A:B": "Random seeds: either N seeds starting at 1000, or the seeds A to B-1 "
-    "(default: 0:16).",
+    "compare: --seeds N|A:B": "Random seeds: N for N seeds from 1000 onwards, or A:B for the seeds "
+    "A to B-1 (default: as many seeds as the suite specifies; 32 seeds for single scenarios; for "
+    "two finished runs, all seeds that both runs contain).",
+    "tune: --seeds N|A:B": "Random seeds: N for N seeds from 1000 onwards, or A:B for the seeds A "
+    "to B-1 (default: 0:16).",
     "--sample N": ("Repeat only N runs, evenly spaced in the list of runs (default: repeat all "
                    "runs).", ZERO),
-    "--seed N": ("Random seed, which completely determines the simulation (default: 0).", ZERO),
-    "demo: --seed N": ("Random seed of the excitation and the noise (default: the seed of the "
-                       "lesson, or 0).", WHOLE),
+    "--seed N": ("Random seed (default: 0). Simulations of a scenario with the same seed are "
+                 "identical.", ZERO),
+    "demo: --seed N": ("Random seed of the excitation and the noise (default: the seed that the "
+                       "lesson gives, else 0).", WHOLE),
     # how to run
-    "--jobs N": ("Number of worker processes, which does not affect the results (default: one "
-                 "process per processor core, %(default)s on this computer).",
+    "--jobs N": ("Number of worker processes (default: one process per processor core, "
+                 "%(default)s on this computer). The number does not affect the results.",
                  {"type": int, "default": os.cpu_count() or 1}),
     "--dask ADDRESS": "Address of a Dask scheduler, which distributes the runs over a cluster "
     "(default: use only this computer).",
     "--shard I/N": ("Divide the runs into N shards, and execute only shard I (default: 1/1). The "
                     "command `flexaxis run --from` merges finished shards.",
                     {"type": part, "default": (1, 1)}),
-    "--from DIR": ("Folders of finished shards to merge into the output folder (default: no "
-                   "folder). With this option, the command runs no estimators.",
+    "--from DIR": ("Folders of finished shards to merge into the output folder (default: "
+                   "merge no shards). With --from, the command runs no estimators.",
                    {"dest": "shards", "nargs": "+", **PATH}),
     "--overwrite": "Delete the old results in the output folder first (default: keep the old "
     "results, and add only missing runs).",
@@ -141,8 +142,8 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "--max-seeds N": ("Add seeds while the verdict is undecided, up to N seeds in total (default: "
                       "add no seeds).", ZERO),
     "--margin SCORE=%[,…]": (
-        "Largest negligible relative change of a score (default: lag=2%%,std=2%%). SCORE is lag, "
-        "std, t10, std_after, cross_talk or excess.", {"default": ""},
+        "Largest relative change in a score that counts as negligible (default: lag=2%%,std=2%%). "
+        "SCORE is lag, std, t10, std_after, cross_talk or excess.", {"default": ""},
     ),
     "--match-std": "Tune both estimators to the same noise, and compare only the lag (default: "
     "compare the estimators without tuning).",
@@ -159,8 +160,8 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "track: --model AXIS.toml": ("Axis file that `flexaxis identify` wrote.",
                                  {"required": True}),
     "--free PARAMETER": ("Identify only this parameter (default: all parameters that the log "
-                         "determines). Write J_m,k or repeat the option for several parameters.",
-                         LISTED),
+                         "determines). For several parameters, separate the names with commas "
+                         "(J_m,k) or repeat the option.", LISTED),
     "--fix PARAMETER[=VALUE]": ("Hold this parameter constant at VALUE [SI] (default: hold no "
                                 "parameter). Without VALUE, hold the parameter at its start value. "
                                 "Repeat the option for several parameters.", VALUES),
@@ -171,41 +172,45 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
                          "tests (default: 1).", {"type": float, "default": 1.0}),
     "--delay S": ("Known torque delay [s] (default: identify the delay from the log).", NUMBER),
     "--friction LAW": (
-        "Dry-friction model for the motor: none, coulomb or stribeck (default: auto, which "
-        "chooses the model that best simulates held-out segments of the log).", {"default": "auto"},
+        "Dry-friction model of the motor: none, coulomb, stribeck or auto (the model that best "
+        "simulates held-out segments of the log; default).", {"default": "auto"},
     ),
-    "--gravity LAW": ("Gravity model: none, or sine, a weighted sum of the sine and cosine of the "
-                      "angle (default: auto, which chooses sine if the log shows gravity).",
+    "--gravity LAW": ("Gravity model: none, sine (a weighted sum of the sine and cosine of the "
+                      "angle) or auto (sine if the log shows gravity, else none; default).",
                       {"default": "auto"}),
     "--validate OTHER": ("Second log, on which the command tests the identified model (default: no "
                          "test).", PATH),
     "--identify PARAMETER": (
         "Parameter to track, or the inverse of a parameter, such as 1/J_l. For several parameters, "
-        "write 1/J_l,k or repeat the option.", {"required": True, **LISTED},
+        "separate the names with commas (1/J_l,k) or repeat the option.",
+        {"required": True, **LISTED},
     ),
-    "--covariate NAME": ("Column with a quantity, such as a temperature, that can explain "
+    "--covariate NAME": ("Name of a log column, such as a temperature, that can explain "
                          "differences between the logs in a folder (default: no column). Repeat "
                          "the option for several columns.", SEVERAL),
     "--false-alarms P": ("Probability that the report on a folder of logs shows a change although "
                          "no parameter changed (default: 0.01).",
                          {"type": float, "default": 0.01}),
     # the live axis
-    "--port N": ("Network port of the demo page (default: 8080, or the next free port).", WHOLE),
+    "--port N": ("Network port of the demo page (default: 8080 or, if 8080 is in use, the next "
+                 "free port).", WHOLE),
     "--no-browser": "Only print the address of the demo page (default: also open a browser).",
     # outputs
     "-o PATH": "Path of the output file or folder (default: a path next to the input file).",
-    "run: -o DIR": "Output folder for the scores, summary and report (default: results/NAME).",
-    "study: -o DIR": "Output folder for the scores and the report (default: results/NAME).",
+    "run: -o DIR": "Output folder for the scores, summary and report (default: results/NAME, where "
+    "NAME is the first suite or scenario).",
+    "study: -o DIR": "Output folder for the scores and the report (default: results/NAME, where "
+    "NAME.toml is the study file).",
     "compare: -o DIR": "Output folder for the scores, verdict and report (default: "
     "results/compare).",
     "tune: -o DIR": "Output folder for the scores and the figure (default: results/tune).",
-    "simulate: -o FILE": "Output file for the record or the log (default: the file "
-    "SCENARIO-SEED.nc or SCENARIO-SEED.csv).",
-    "estimate: -o FILE": "Output file for the estimates (default: the file RECORD-estimates.nc).",
-    "import: -o REC.nc": "Output file for the record (default: the file LOG-imported.nc).",
-    "identify: -o AXIS.toml": "Output file for the identified axis, or for the estimates from a "
-    "folder of logs (default: the file LOG-axis.toml or FOLDER-estimates.csv).",
-    "track: -o EST.nc": "Output file for the estimates (default: the file LOG-track.nc).",
+    "simulate: -o FILE": "Output file (default: SCENARIO-SEED.nc for a record, or "
+    "SCENARIO-SEED.csv for a log).",
+    "estimate: -o FILE": "Output file for the estimates (default: RECORD-estimates.nc).",
+    "import: -o REC.nc": "Output file for the record (default: LOG-imported.nc).",
+    "identify: -o AXIS.toml": "Output file: the identified axis (default: LOG-axis.toml) or, for a "
+    "folder of logs, the table of estimates (default: FOLDER-estimates.csv).",
+    "track: -o EST.nc": "Output file for the estimates (default: LOG-track.nc).",
     "paper: -o DIR": "Output folder for the figures and claims (default: results/paper).",
     **LOG_OPTIONS,
 }  # fmt: skip
@@ -213,8 +218,8 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
 
 Each key contains the name and the metavar of an option. Each value is the help text of the option,
 or a tuple of the help text and keyword arguments of `add_argument`. An option without a metavar is
-a flag. A key with a prefix such as "track: " applies only to that command, and takes precedence
-over the key without the prefix. Each help text contains the unit and the default value.
+a flag. A key with a prefix, such as "track: ", applies only to the command in the prefix, and takes
+precedence over the key without the prefix. Each help text contains the unit and the default value.
 """
 
 

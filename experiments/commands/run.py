@@ -68,7 +68,7 @@ def study(args: Args) -> int:
       seeds = 60
       [sweep]
       "fault[0].factor" = [1.1, 1.5, 2.0, 3.0]      # a key of the scenario or of its faults
-      "rpem-forgetting.forgetting" = [0.99, 0.995]  # an option ("estimator.X": of all estimators)
+      "rpem-forgetting.forgetting" = [0.99, 0.995]  # an option (of every estimator: "estimator.X")
 
     A case is one run of one estimator on one record. The command stores the result of each case
     immediately. If you repeat the command, it skips finished cases, even if you have added
@@ -105,7 +105,11 @@ def _results(args: Args, results: Any) -> int:
 
     whole, lines = args.shard == (1, 1), results.problems
     missing, path = results.missing * whole, results.folder / (REPORT * whole)
-    lines += [f"{missing} cases are missing, because no shard contains them"] * bool(missing)
+    if missing:
+        lines += [
+            f"{missing} cases are missing, because no shard contains them: run the missing shards, "
+            "and merge all shards again"
+        ]
     crashed = results.failures["error"].str.startswith("EstimatorCrash").any()
     status = 70 if crashed else int(bool(lines))
     content, text = {"rows": results.pooled()}, results
@@ -135,7 +139,8 @@ def rerun(args: Args) -> int:
     change the results folder. The command executes the code of your own estimators, whose files
     must still be at their original paths.
 
-    exit status: 0 if all relative differences between the scores are below 1e-6, else 1
+    exit status: 0 if the new scores differ from the stored scores by at most 1e-6 (relative
+    difference), else 1
 
     example:
       flexaxis rerun results/smoke --sample 20

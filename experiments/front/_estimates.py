@@ -72,7 +72,7 @@ class Estimate:
 
     @cached_property
     def covariance(self) -> Array | None:
-        """Covariances of the estimates, as (N, p, p), or None if the estimator reports none.
+        """Covariance matrices of the estimates (N, p, p), or None if the estimator has none.
 
         The first access runs the estimator again to collect one covariance matrix per sample.
         """
@@ -81,11 +81,11 @@ class Estimate:
 
     @cached_property
     def truth(self) -> Mapping[str, Array]:
-        """True values of each parameter as arrays (N,), keyed by name; an empty dict if unknown."""
+        """True parameter values as arrays (N,), keyed by name; an empty dict if none are known."""
         return true_values(self.names, self.record, slice(None))
 
     def plot(self, *names: str, ax: Any = None, band: bool = True) -> Any:
-        """Draw one panel of estimates over time per parameter; dashed lines show the true values.
+        """Draw the estimates over time, one panel per parameter; dashed lines show true values.
 
         Parameters
         ----------
@@ -95,8 +95,8 @@ class Estimate:
             Matplotlib axes for the curves, for example the axes that the `plot` method of another
             estimate returned (default: new axes).
         band : bool
-            If true, draw a band of ±2 standard deviations around each curve. The estimator reports
-            these standard deviations.
+            If true, draw a band of ±2 standard deviations, as reported by the estimator, around
+            each curve.
 
         Returns
         -------
@@ -186,7 +186,7 @@ def estimate(
     EstimatorError
         If the estimator cannot be created, or cannot process the record.
     RecordError
-        If the record contains no scenario, and you pass none.
+        If the record contains no scenario, and you pass no scenario.
 
     Examples
     --------
@@ -236,7 +236,7 @@ def score(
     Raises
     ------
     RecordError
-        If the record contains no true parameter values, which only simulated records contain.
+        If the record contains no true parameter values. Only simulated records contain them.
 
     Notes
     -----
@@ -247,7 +247,8 @@ def score(
     known, scenario = result.record, result.record.definition
     if known.true_parameters is None or not (scenario and known_names(scenario, result.names)):
         raise RecordError(
-            "the record contains no true parameter values, so the scores cannot be computed"
+            "the record contains no true parameter values, so the scores cannot be computed: use a "
+            "simulated record"
         )
     track = track_of(
         scenario, known, result.names, result.theta, result._claimed, result._innovations,

@@ -46,7 +46,7 @@ class LogResult:
         Exit status of the corresponding command, which is 1 if the command reports a finding, such
         as a changed parameter.
     record : Record or None
-        The record that was read from the log.
+        The record that the function read from the log, or None for a folder of logs.
     axis : Axis or None
         The identified axis. The method ``axis.save`` writes an axis file, which `flexaxis track`
         can read.
@@ -88,7 +88,7 @@ class LogResult:
 
 
 def _read(log: Log, options: Mapping[str, Any] | None) -> importing.Imported:
-    """Read a log, and print the data problems that can distort the estimates."""
+    """Read a log, and print a message for each data problem that can distort the estimates."""
     if not isinstance(log, str | Path):
         return importing.Imported(getattr(log, "record", log), ())  # type: ignore[arg-type]
     result = importing.import_log(Path(log), **(options or {}))
@@ -139,9 +139,9 @@ def identify(
     Parameters
     ----------
     log : path, record, result of `import_log`, or a folder of logs
-        The log to use. The function reads all logs in a folder, sorted by file name. For a folder,
-        the result table contains one row per log, and the findings describe covariate effects and
-        parameter changes.
+        The log to use. If `log` is a folder, the function reads all its logs, sorted by file name.
+        In this case, the result table contains one row per log, and the findings describe covariate
+        effects and parameter changes.
     model : str, path or Axis
         Name of a built-in model, path of your own TOML file, or an `Axis` object.
     start : mapping of str to float, optional

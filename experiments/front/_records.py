@@ -213,8 +213,8 @@ class Sample(NamedTuple):
     time : float
         Time [s].
     angle, speed, increment : float
-        Motor angle [rad], motor speed [rad/s], and change in motor angle since the previous sample,
-        divided by the sampling period [rad/s].
+        Motor angle [rad]; motor speed [rad/s]; and the change in motor angle since the previous
+        sample, divided by the sampling period [rad/s].
     """
 
     time: float
@@ -224,7 +224,7 @@ class Sample(NamedTuple):
 
 
 class Axis:
-    """The simulated axis of a scenario with faults and sensors, but without a controller.
+    """The simulated axis of a scenario, with its faults and sensors but not its controller.
 
     Parameters
     ----------
@@ -244,7 +244,7 @@ class Axis:
     def __init__(self, scenario: Scenario, *, seed: int = 0) -> None:
         if scenario.delay.torque_ticks:
             raise FlexaxisError(
-                f"{scenario.name} delays the torque, but `make_axis` supports no torque delay: "
+                f"scenario {scenario.name} delays the torque, which `make_axis` does not support: "
                 "delay the torque in your own code, and remove `delay` from the scenario"
             )
         seed = seed_of(seed)
@@ -278,8 +278,8 @@ class Axis:
         """
         if self.done:
             raise FlexaxisError(
-                f"{self.scenario.name} ends after {self.scenario.duration:g} s: make a new axis, "
-                "and set a longer duration with duration=… if necessary"
+                f"scenario {self.scenario.name} ends after {self.scenario.duration:g} s: make a "
+                "new axis, and set a longer duration with duration=… if necessary"
             )
         more = 0.0 if self._disturbance is None else self._disturbance[self._k, 0]
         self._plant.step(np.array([float(torque) + more]))

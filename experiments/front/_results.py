@@ -59,7 +59,7 @@ class Results(engine.Results):
 
     @property
     def problems(self) -> list[str]:
-        """One sentence per failed estimator, with its first error and its number of failed runs."""
+        """One sentence per failed estimator, with the first error and the number of failed runs."""
         failures = self.failures.to_dict("records")
         return [f"{text} ({n} cases)" for text, n in failures_in_words(failures)]
 
@@ -141,8 +141,8 @@ def benchmark(
     scenarios : str, Path, Scenario, or several of them
         Names of scenarios or suites, paths of TOML files, or `Scenario` objects.
     seeds : int, str or iterable of int
-        Number of random seeds (starting at 1000), a range of seeds such as ``"0:20"``, or a list
-        of seeds (default: the number of seeds that the suite specifies).
+        Number of random seeds from 1000 onwards, a range of seeds such as ``"0:20"``, or a list of
+        seeds (default: the number of seeds that the suite specifies).
     folder : str or Path, optional
         Folder for the result files. If you specify a folder, the function also compares the
         estimators of a suite at equal noise. Without a folder, the results stay in memory.
@@ -272,14 +272,14 @@ def compare(
         Results folders of two finished runs. If you pass folders, the function compares the stored
         scores, and runs no estimator.
     max_seeds : int
-        Maximum number of seeds. The function adds seeds while the verdict is undecided.
+        While the verdict is undecided, the function adds seeds up to this total (0: adds no seeds).
     match_std : bool
         If true, tune both estimators to the same noise, and compare only the lag. The noise measure
         is the standard deviation of the estimate of the changed parameter. If several parameters
         change, the noise measure is the excess prediction error.
     margins : mapping of str to float, optional
-        Largest negligible relative change of each score, such as ``{"lag": 0.05}`` (default: 0.02
-        for lag and std, 0.2 for bias).
+        Largest relative change in each score that counts as negligible, such as ``{"lag": 0.05}``
+        (default: 0.02 for lag and std, 0.2 for bias).
     folder : str or Path, optional
         Folder for the result files compare.json, verdict.md and report.html.
 
@@ -353,7 +353,7 @@ def tune(
 ) -> pd.DataFrame | Sweep:
     """Tune each estimator to the noise of rpem-forgetting, or run it at several settings.
 
-    For tuning, the estimators run on the nominal axis without a fault.
+    The function tunes the estimators on the nominal axis without a fault.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Cache simulated records in NetCDF files up to a size limit; remove the least recently used first.
+"""Cache simulated records in NetCDF files; above a size limit, delete the least recently used.
 
 The cache key of a record consists of the scenario hash (`Scenario.record_hash`), the seed, the
 MuJoCo version, and a digest of the simulation code and the MJCF model files.
@@ -85,7 +85,7 @@ class RecordCache:
 
 
 def default_cache() -> RecordCache:
-    """Return the cache in the folder that FLEXAXIS_CACHE names, or in the default cache folder."""
+    """Return the record cache; the environment variable FLEXAXIS_CACHE can set its folder."""
     from flexaxis.estimators.models.compiler import user_cache
 
     usual = user_cache() / "flexaxis" / "records"
@@ -111,7 +111,7 @@ def records(scenario: Scenario, seeds: Sequence[int], cache: RecordCache | None)
 
 
 def keep_nominal_runs(cache: RecordCache | None) -> AbstractContextManager[None]:
-    """Return a context manager that caches runs of the nominal axis, which many scenarios share."""
+    """Return a context manager that caches nominal runs, because many scenarios share these."""
     return nominal_runs(lambda scenario: records(scenario, [0], cache)[0].torque)
 
 

@@ -50,7 +50,7 @@ class Options:
     cache : RecordCache or None
         Cache of simulated records.
     traces : bool
-        Whether to keep the estimates over time for figures of single runs.
+        Whether to store the estimates as functions of time, for figures of single runs.
     time_limit : float
         Time limit for one run of a user's estimator [s].
     log : str
@@ -79,11 +79,11 @@ class Done:
         Values of the columns that `NUMBERS` lists, with one row per parameter. An undefined value
         is NaN.
     isolation : str or None
-        JSON text of the parameters that the estimator reports as changed, for each fault.
+        JSON text that lists, for each fault, the parameters that the estimator names as changed.
     error : str or None
         Error message if the run failed.
     trace : bytes or None
-        Estimates over time for the figures of the run, in the format of `pack`.
+        Estimates as functions of time, as returned by `pack`, for figures of the run.
     """
 
     id: str
@@ -119,7 +119,7 @@ def simulate_units(units: Sequence[Unit], options: Options) -> None:
 def _records(
     scenario: Scenario, seeds: Sequence[int], cache: RecordCache | None
 ) -> dict[int, Record | str]:
-    """Return the record for each seed, or the error message if the simulation fails."""
+    """Map each seed to its record, or to an error message if the simulation fails."""
     try:
         return dict(zip(seeds, records(scenario, seeds, cache), strict=True))
     except SimulationError as error:
@@ -177,7 +177,7 @@ def run_case(scenario: Scenario, record: Record, spec: Spec, options: Options = 
 def follow(
     text: str, estimator: Estimator, scenario: Scenario, record: Record
 ) -> tuple[Array, Any, Array | None]:
-    """Run an estimator on a whole record, and read the covariance that it reports before the fault.
+    """Run an estimator on a record; return the estimates, and the covariance before the fault.
 
     Parameters
     ----------
@@ -233,7 +233,7 @@ def track_of(  # noqa: PLR0917
     scenario: Scenario, record: Record, estimated: Sequence[str], theta: Array, claimed: Any,
     innovations: Array | None, findings: Sequence[Any] | None,
 ) -> Track:  # fmt: skip
-    """Return the estimates and true values of all parameters with a nonzero initial true value.
+    """Return the estimates and true values of the parameters with a nonzero true initial value.
 
     Parameters
     ----------
@@ -275,7 +275,7 @@ def _done(
 
 
 def numbers_of(lines: Sequence[Mapping[str, Any]]) -> Array:
-    """Convert nested score rows to an array (parameters, columns) with the columns `NUMBERS`."""
+    """Convert nested score rows to an array with columns `NUMBERS` and one row per parameter."""
     table = pd.json_normalize(list(lines)).reindex(columns=NUMBERS)
     return np.ascontiguousarray(table.to_numpy(float))
 

@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 
 def true_values(names: Sequence[str], record: Record, at: Any) -> dict[str, Any]:
-    """Return a dict of the true values at the samples `at` of all `names` that are recorded."""
+    """Return the recorded true values of the parameters `names` at the samples `at`, by name."""
     known = [name for name in names if physical(name)[0] in record.parameter_names]
     if record.true_parameters is None or not known:
         return {}
@@ -84,8 +84,8 @@ def write_estimates(
     about : mapping
         Global attributes of the NetCDF file.
     **claimed : ndarray or None
-        Either ``covariance``, the reported covariances (N, p, p), or ``deviation``, the reported
-        standard deviations (N, p).
+        Either ``covariance`` (N, p, p) or ``deviation`` (N, p): the covariances or the standard
+        deviations that the estimator reports.
 
     Raises
     ------

@@ -101,7 +101,7 @@ class Spec:
     def digest(self) -> str | None:
         """Digest of user code, or None for a registered estimator or an entry point.
 
-        The digest covers the file that defines the class, all files that the command line names, or
+        The digest covers the file that defines the class, all files that the pipe command names, or
         the source code of a class from an interactive session.
         """
         if self.session is not None:
@@ -122,7 +122,7 @@ def _source(make: Factory) -> bytes:
 
 
 def _words(name: str) -> list[str]:
-    """Return the words of a pipe command line, or the file that defines a class."""
+    """Return the words of a pipe command, or a list with the file that defines a class."""
     if name.startswith(PIPE):
         return shlex.split(name.removeprefix(PIPE))
     return [code_file(name) or getattr(find_spec(name.rpartition(":")[0]), "origin", None) or ""]
@@ -138,9 +138,9 @@ def text_of(make: str | Factory) -> str:
     name, module = getattr(make, "__name__", ""), getattr(make, "__module__", "__main__")
     if not name.isidentifier() or name in REGISTRY:
         raise EstimatorError(
-            f"{make!r}: give the name of an estimator such as 'glr', or a class whose name is not "
-            "that of a registered estimator. An instance of a class is not accepted, because each "
-            "run needs a new instance"
+            f"{make!r}: give the name of an estimator such as 'glr', or your own class, under a "
+            "name that no registered estimator has. An instance of a class is not accepted, "
+            "because each run needs a new instance"
         )
     home = sys.modules.get(module)
     if module != "__main__" and getattr(home, name, None) is make and home.__spec__:  # type: ignore[union-attr]
@@ -318,8 +318,9 @@ def _known(spec: Spec, scenario: Scenario, nominal: Mapping[str, float]) -> dict
     identify = tuple(n for n in scenario.identify if laws or n not in LAW_NAMES)
     if not identify:
         raise Misfit(
-            f"{scenario.name} identifies only {', '.join(scenario.identify)}, which {spec.text} "
-            "cannot estimate, because it does not declare the attribute `laws`. Omit the scenario"
+            f"{scenario.name} identifies only {', '.join(scenario.identify)}, but {spec.text} "
+            "cannot estimate these parameters, because the estimator does not declare the "
+            "attribute `laws`. Omit the scenario"
         )
     known: dict[str, Any] = {"identify": identify, "output": scenario.output}
     if (noise := scenario.data_sheet.get("noise")) is not None:

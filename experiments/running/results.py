@@ -65,7 +65,8 @@ class Results:
         if study := store.told("study"):
             return cls(store, study)
         raise StudyError(
-            f"{folder} contains results of a comparison or of tuning, but not of a study"
+            f"{folder} contains only results of a comparison or of tuning: give the folder of a "
+            "run or a study"
         )
 
     @cached_property
@@ -172,7 +173,7 @@ class Results:
         return {"excess": None, "excess_interval": None}
 
     def scenario(self, row: Mapping[str, Any]) -> Scenario:
-        """Return the scenario of a row in `frame`, including the swept values."""
+        """Return the scenario of a row in `frame`, with the swept values of this row applied."""
         definitions = {s["definition"]["name"]: s["definition"] for s in self.study["scenarios"]}
         base = scenario_from(definitions[row["scenario"]], source=row["scenario"])
         variants = {about["hash"]: about["changes"] for about in self._variants.values()}
@@ -181,7 +182,7 @@ class Results:
         return base.override(changes, inherit=inherit) if changes else base
 
     def traces(self, scenario_hash: str, setting: str) -> dict[int, Case]:
-        """Return the estimates over time for figures of single runs, keyed by seed.
+        """Return the estimates as functions of time, for figures of single runs, keyed by seed.
 
         Parameters
         ----------
@@ -206,7 +207,7 @@ class Results:
 
         A point is a combination of swept values. Missing and undefined values are NaN. The swept
         keys are coordinates along the dimension ``point``.
-        ``set_index(point=[...]).unstack("point")`` turns several swept keys into dimensions.
+        ``set_index(point=[...]).unstack("point")`` turns the swept keys into separate dimensions.
         """
         axes, table = list(self.axes), self.frame[self.frame["parameter"] != ""]
         points = table.groupby(axes, dropna=False).ngroup() if axes else 0

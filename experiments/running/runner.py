@@ -50,7 +50,7 @@ limit the worker to one thread."""
 
 
 class Worker:
-    """A worker process that runs one unit of work at a time and can be terminated separately."""
+    """A worker process that runs one unit at a time; each worker can be terminated on its own."""
 
     def __init__(self) -> None:
         self._pool = _pool()
@@ -124,7 +124,8 @@ class Runner:
         limit = TIME_LIMIT if time_limit is None else time_limit
         if not (jobs >= 1 and 0 < limit < float("inf")):
             raise FlexaxisError(
-                f"number of jobs {jobs}, time limit {limit} s: both must be positive"
+                f"--jobs {jobs}, --time-limit {limit}: both must be positive, and the time limit "
+                "must be finite (in Python: jobs=, time_limit=)"
             )
         self._logs = mkdtemp(prefix="flexaxis-")
         weakref.finalize(self, rmtree, self._logs, ignore_errors=True)
@@ -163,8 +164,8 @@ class Runner:
         study : Study
             Study to run.
         traces : bool
-            Whether to keep the estimates over time for figures of single runs. If `traces` is true,
-            stored runs without these estimates are repeated.
+            Whether to store the estimates as functions of time, for figures of single runs. If
+            `traces` is true, stored runs without such estimates are repeated.
         about : mapping, optional
             Properties to add to the description of the study. If `about` is given, this description
             replaces the description that is stored in the folder.
@@ -277,7 +278,7 @@ class Runner:
         return []
 
     def misfits(self, scenarios: Sequence[Scenario], texts: Sequence[str]) -> dict[str, str]:
-        """Return the reason for each scenario on which an estimator cannot run, keyed by name."""
+        """Return the reasons why estimators cannot run on scenarios, keyed by scenario name."""
         problems = self._problems([(each, parse(text)) for each in scenarios for text in texts])
         return {name: str(e) for name, e in problems.items() if isinstance(e, Misfit)}
 
@@ -317,8 +318,8 @@ def rerun(results: Results, runner: Runner, sample: int = 0) -> pd.DataFrame:
     runner : Runner
         Runner that does not use the folder of `results`.
     sample : int
-        Approximate number of runs to repeat, evenly spaced in the list of runs. If `sample` is 0,
-        all runs are repeated.
+        Approximate number of runs to repeat. The repeated runs are evenly spaced in the list of
+        runs. If `sample` is 0, all runs are repeated.
 
     Returns
     -------
@@ -331,7 +332,7 @@ def rerun(results: Results, runner: Runner, sample: int = 0) -> pd.DataFrame:
     scores, key = [name for name in NUMBERS if "cost." not in name], ["seed", "parameter"]
     cases, lines = results.frame["case"].unique(), []
     if not len(cases):
-        raise StudyError(f"{results.folder} has no finished cases. Run the study first")
+        raise StudyError(f"{results.folder} contains no finished cases. Run the study first")
     chosen = cases[:: max(1, len(cases) // (sample or len(cases)))]
     stored = results.frame[results.frame["case"].isin(chosen)]
     for (_, setting), own in stored.groupby(["hash", "setting"], sort=False):

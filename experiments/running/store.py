@@ -1,11 +1,11 @@
 """Store the scores of a study in one SQLite file, with one transaction per unit of work.
 
 The table `cases` contains one row per run of an estimator. The scores of a run are stored as the
-bytes of a float64 matrix (parameters, columns), because a million rows of text would take minutes
-to read. Other programs can read the scores from scores.csv. The table `variants` contains the
-properties that all runs of one estimator on one scenario share. The table `traces` contains the
-estimates over time for figures of single runs. The table `meta` contains the column names, the
-software versions and the description of the last study.
+bytes of a float64 matrix with one row per parameter, because a million rows of text would take
+minutes to read. Other programs can read the scores from scores.csv. The table `variants` contains
+the properties that all runs of one estimator on one scenario share. The table `traces` contains the
+estimates as functions of time, for figures of single runs. The table `meta` contains the column
+names, the software versions and the description of the last study.
 """
 
 from __future__ import annotations
@@ -113,12 +113,12 @@ class Store:
         return cls(folder)
 
     def check(self) -> None:
-        """Check that the current version of the code computed the stored scores.
+        """Check that the stored scores were computed by the current version of the code.
 
         Raises
         ------
         StudyError
-            If another version of the code computed the stored scores.
+            If the stored scores were computed by another version of the code.
         """
         old, now = self.told("made_with"), made_with()
         differ = [
@@ -132,7 +132,7 @@ class Store:
             )
 
     def told(self, key: str) -> Any:
-        """Return the value of a key of the table `meta`, such as ``study``, or None if missing."""
+        """Return the value of a key such as ``study`` in the table `meta`, or None if missing."""
         with self._reported():
             query = "SELECT value FROM meta WHERE key = ?"
             return json.loads((self._db.execute(query, (key,)).fetchone() or ["null"])[0])
@@ -210,7 +210,7 @@ class Store:
         return table.assign(**truths).rename(columns={"parameters": "parameter"})
 
     def traces(self, scenario_hash: str, setting: str) -> dict[int, Case]:
-        """Return the estimates over time for figures of single runs, keyed by seed."""
+        """Return the estimates as functions of time, for figures of single runs, keyed by seed."""
         query = (
             "SELECT seed, content FROM cases JOIN traces USING (id) JOIN variants v "
             "ON v.id = variant WHERE json_extract(about, '$.hash') = ? "
@@ -234,6 +234,6 @@ class Store:
             ) from error
         except sqlite3.DatabaseError as error:
             raise StudyError(
-                f"{self._path} is damaged, or is not a database of scores: {error}. Restore the "
-                "file from a backup, or remove the file and repeat the command"
+                f"the file {self._path} is damaged, or is not a database of scores: {error}. "
+                "Restore the file from a backup, or remove the file and repeat the command"
             ) from error

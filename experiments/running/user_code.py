@@ -49,7 +49,7 @@ def names_code(text: str) -> bool:
 
 
 def code_file(text: str) -> str:
-    """Return the file path in a text such as path/file.py:Class, or an empty string."""
+    """Return the file path in a text such as path/file.py:Class, or "" if it contains no path."""
     file = text.partition("[")[0].rpartition(":")[0]
     return file if file.endswith(".py") else ""
 
@@ -67,7 +67,9 @@ def load_class(text: str) -> Callable[..., Any]:
         file = code_file(text)
         home = _module_of(Path(file).resolve()) if file else importlib.import_module(module)
     if not hasattr(home, name):
-        raise EstimatorError(f"{text}: {module} has no {name!r}.{did_you_mean(name, dir(home))}")
+        raise EstimatorError(
+            f"{text}: {module} defines no {name!r}.{did_you_mean(name, dir(home))}"
+        )
     return getattr(home, name)  # type: ignore[no-any-return]
 
 
@@ -133,7 +135,7 @@ def describe(error: BaseException) -> str:
 
 
 def user_line(error: BaseException) -> str:
-    """Return the last line of user code in a traceback (as ``file.py:12``), or an empty string."""
+    """Return the last line of user code in a traceback, as ``file.py:12``, or "" if none exists."""
     frames = traceback.extract_tb(error.__traceback__)
     return next((f"{f.filename}:{f.lineno}" for f in frames[::-1] if _is_users(f.filename)), "")
 
@@ -178,10 +180,10 @@ def why_it_ended(log: str, seconds: float) -> str:
     """Return the reason why a worker process died, based on the log file from `ended_after`."""
     if not (Path(log).exists() and Path(log).read_text(errors="replace")):
         return (
-            "its process died, because the code exited, memory ran out, or the process was killed"
+            "its process died: the estimator code exited, memory ran out, or the process was killed"
         )
     return (
-        f"TimeoutError: not finished within {seconds:g} s. If the estimator needs more time, "
+        f"TimeoutError: the run has not finished within {seconds:g} s. If the run needs more time, "
         "increase --time-limit (in Python: time_limit=)"
     )
 

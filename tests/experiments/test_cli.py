@@ -102,7 +102,10 @@ MISTAKES = [
     (["compare", "--base", "ekf", "--candidate", "ekf", "--margin", "lagg=2%"], "mean 'lag'"),
     (["list", "--group", "step"], "Did you mean 'steps'?"),
     (["show", "smoek"], "Did you mean 'smoke'"),
-    (["study", "there.toml", "--seeds", "5"], "unknown '--seeds'. See flexaxis study --help"),
+    (
+        ["study", "there.toml", "--seeds", "5"],
+        "unknown argument '--seeds'. See flexaxis study --help",
+    ),
     (["report", "missing"], "missing"),
     (["import", "nothing.csv"], "nothing.csv"),
     (["new", "sub/x.py"], "sub/x.py: cannot be written"),

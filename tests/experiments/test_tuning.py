@@ -29,7 +29,7 @@ OWN = PAPER | LAWS | {"oracle-reset"}  # these keep the value they are known for
 def test_tuning_finds_the_reference_itself_and_its_equal(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert main(["tune", "rpem-forgetting", "--seeds", "0:2", "--jobs", "1"]) == 0
-    ratio = float(re.search(r"excess scores have the ratio ([\d.]+)\.", capsys.readouterr().out)[1])
+    ratio = float(re.search(r"their excess scores is ([\d.]+)\.", capsys.readouterr().out)[1])
     assert abs(ratio - 1) < TOLERANCE
     assert main(["tune", "frozen", "--seeds", "0:2"]) == 1
     assert "no tuning parameter" in capsys.readouterr().out
