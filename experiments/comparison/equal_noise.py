@@ -2,8 +2,8 @@
 
 One of the two settings makes the estimator less noisy than a reference estimator, and the other
 setting makes it noisier. The logarithm of the lag is interpolated linearly as a function of the
-logarithm of the noise. If the reference noise is outside the noise range of all settings, the lag
-at the nearest setting is a one-sided bound on the lag at equal noise.
+logarithm of the noise. If no setting is as noisy (or as quiet) as the reference, the lag at the
+nearest setting is only a one-sided bound on the lag at equal noise.
 """
 
 from __future__ import annotations
@@ -41,10 +41,10 @@ class Setting:
     factor : float
         Setting of the tuning parameter, divided by the default setting.
     rows : DataFrame
-        Scores of the parameter with the fault, with one row per seed, sorted by seed. All settings
-        of an estimator are run with the same seeds.
+        Scores of the faulty parameter, with one row per seed, sorted by seed. All settings of an
+        estimator are run with the same seeds.
     biases : ndarray (n, p)
-        Biases of the estimates of all identified parameters, with one row per run [% of nominal].
+        Estimation biases of all identified parameters [% of nominal], with one row per run.
     information : ndarray (p, p) or None
         Matrix M of the excess error θ̃ᵀMθ̃, from `flexaxis.experiments.scoring.excess.information`.
     """
@@ -89,7 +89,7 @@ class Setting:
         return float(np.log(np.maximum(each, FLOOR)).mean())
 
     def at(self, name: str) -> Array | None:
-        """Return jackknife pseudo-values (n,) of a log score, or None if a run lacks the score."""
+        """Return jackknife pseudo-values (n,) of a score's logarithm, or None if undefined."""
         if np.isnan(self.array(name)).any():
             return None
         return pseudo_values(lambda runs: self.log(name, runs), len(self.rows))
@@ -134,12 +134,13 @@ class Match:
         return 1.0 if self.how == MATCHED else float(np.exp(self.apart(self.nearest)))
 
     def at(self, name: str) -> Array | None:
-        """Return jackknife pseudo-values of a log score at the reference noise, one per seed (n,).
+        """Return jackknife pseudo-values (n,) of a score's logarithm at the reference noise.
 
-        The mean of the pseudo-values estimates the log score. Pseudo-values of two estimators for
-        the same seed form a pair. The interpolation point between the two settings depends on the
-        noise in the runs. The jackknife recomputes this point, and therefore includes its
-        uncertainty. The method returns None if the score is undefined in any run.
+        There is one pseudo-value per seed, and their mean estimates the logarithm. Pseudo-values of
+        two estimators for the same seed form a pair. The interpolation point between the two
+        settings depends on the noise in the runs. The jackknife recomputes this point, and
+        therefore includes its uncertainty. The method returns None if the score is undefined in any
+        run.
         """
 
         def statistic(runs: Any) -> float:

@@ -28,10 +28,10 @@ def leaders(values: Mapping[str, Scores], *, most: bool = False) -> list[str]:
 
     The function compares pairs of estimators on their common seeds. For each estimator, the
     function counts the other estimators that are better on average. The best estimator is the one
-    for which the number of better estimators is smallest. The function uses the same seeds to
-    select the best estimator and to test all other estimators. Therefore the significance level is
-    corrected for all k(k−1)/2 pairs of k estimators, with Bonferroni's method for the selection and
-    Holm's method for the tests.
+    for which this count is smallest. The function uses the same seeds to select the best estimator
+    and to test all other estimators. Therefore the significance level is corrected for all k(k−1)/2
+    pairs of k estimators, with Bonferroni's method for the selection and Holm's method for the
+    tests.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def mark(rows: Iterable[Row]) -> list[dict[str, Any]]:
 
 
 def compete(rows: Sequence[Row], score: str = "lag") -> list[Row]:
-    """Return the rows of estimators at equal noise, and of less noisy estimators that score better.
+    """Return the rows of estimators at equal noise, and of less noisy ones that beat them all.
 
     Parameters
     ----------
@@ -109,7 +109,7 @@ def compete(rows: Sequence[Row], score: str = "lag") -> list[Row]:
 
 
 def overall(rows: Sequence[Row]) -> list[dict[str, Any]]:
-    """Return the mean score of each estimator at equal excess error, averaged over all faults.
+    """Return the score of each estimator at equal excess error, averaged over all faults.
 
     Parameters
     ----------
@@ -121,11 +121,11 @@ def overall(rows: Sequence[Row]) -> list[dict[str, Any]]:
     list of dict
         Dicts with the keys ``estimator, score, score_interval, how, faults, leads, values``, sorted
         by decreasing mean score. The mean score includes all faults for which a lag bound exists. A
-        missing score counts as 0. If the estimator is less noisy than the reference at all settings
-        for some faults, ``how`` is "quieter" and the mean score is a lower limit. If the estimator
-        is noisier than the reference at all settings for some faults, ``how`` is "noisier" and the
-        mean score is an upper limit. ``how`` is "mixed" if the estimator is less noisy than the
-        reference for some faults and noisier for others.
+        missing score counts as 0. If, for some faults, the estimator is less noisy than the
+        reference at all settings, ``how`` is "quieter" and the mean score is a lower limit. If, for
+        some faults, the estimator is noisier than the reference at all settings, ``how`` is
+        "noisier" and the mean score is an upper limit. ``how`` is "mixed" if the estimator is less
+        noisy than the reference for some faults and noisier for others.
     """
     faults = list(by_fault(row for row in rows if row["bound"]))
     seeds = max((len(row["values"].get("score") or ()) for row in rows), default=0)

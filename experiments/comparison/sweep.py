@@ -151,9 +151,9 @@ class Runs:
     ) -> dict[tuple[str, Noise], Match | None]:  # fmt: skip
         """Match an estimator's noise to the noise of `base`, for each parameter and noise measure.
 
-        If the noise of `base` is outside the noise range of all settings in `line`, the method adds
-        settings further from the default to `line`. If `whole` is true, the method ignores every
-        seed with a diverged run at any setting.
+        If no setting in `line` is as noisy (or as quiet) as `base`, the method adds settings that
+        are further from the default to `line`. If `whole` is true, the method ignores every seed
+        for which a run diverges at any setting.
         """
         matches: dict[tuple[str, Noise], Match | None] = dict.fromkeys(pairs)
         for factor in (1.0, *further):
@@ -192,8 +192,8 @@ class Sweep:
         Results at equal standard deviation of the changing parameter, with one dict for each fault
         and estimator. The keys are ``scenario, parameter, estimator, how, nearest, ratio, lag,
         lag_interval, bound, over_bound, score, std_after, false_alarms_per_1000_s, leads`` and
-        ``values``. The class `Match` defines the values of ``how``. The entry ``values`` contains
-        the logarithm of the lag and the score for each seed.
+        ``values``. The class `Match` defines the values of ``how``. For each seed, the entry
+        ``values`` contains the score and the logarithm of the lag.
     at_excess : list of dict
         Results at equal excess error, with one dict for each fault and estimator. The dicts have
         the same keys as in `matched`, except ``leads``.
@@ -209,9 +209,9 @@ def sweep(
 ) -> Sweep:
     """Run each estimator at several settings, and match its noise to the reference noise.
 
-    If the reference noise is outside the noise range of all settings, the sweep tries more
-    settings. The additional settings differ from the default by a factor of up to 1024, but stay
-    within the range of the tuning parameter.
+    If no setting is as noisy (or as quiet) as the reference, the sweep tries more settings. The
+    additional settings differ from the default by a factor of up to 1024, but stay within the range
+    of the tuning parameter.
 
     Parameters
     ----------

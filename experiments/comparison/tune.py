@@ -60,7 +60,7 @@ class Tuned:
     ratio: float
 
     def turned(self, factor: float) -> str | None:
-        """Return the estimator with its setting scaled by `factor`; None if it is out of range."""
+        """Return the estimator at `factor` times its setting, or None if this is out of range."""
         name, options, knob = parts(self.setting)
         at = knob.at(knob.position(self.value) * factor)
         return None if at is None else with_options(name, options | at)
@@ -79,9 +79,9 @@ def parts(text: str) -> tuple[str, dict[str, Any], Knob]:
     knob = knob_of(name)
     if knob is None:
         raise FlexaxisError(
-            f"{text} has no tuning parameter, so its noise cannot be matched. A class declares a "
-            'tuning parameter with a line such as knob = "1-lam" for the option lam. A program '
-            "(pipe:) cannot have a tuning parameter, because it has no options"
+            f"{text} has no tuning parameter, so its noise cannot be matched. To declare a "
+            'tuning parameter in a class, add a line such as knob = "1-lam" for the option lam. A '
+            "program (pipe:) cannot have a tuning parameter, because it has no options"
         )
     return name, {key: value for key, value in options.items() if key != knob.name}, knob
 
@@ -115,7 +115,7 @@ class Trials:
     scenarios: Sequence[Scenario] = ()
 
     def noises(self, text: str) -> pd.Series:
-        """Return the logarithms of all standard deviations and of the root of the excess error.
+        """Return the logarithms of all standard deviations and of the square-rooted excess error.
 
         The index of the returned series contains the parameter names and "excess". The logarithms
         are averaged over the scenarios. The series contains only parameters that are estimated in
@@ -159,7 +159,7 @@ def match_noise(text: str, trials: Trials) -> Tuned:
     if trials.match not in target:
         raise FlexaxisError(
             f"the noise of {trials.match!r} cannot be "
-            f"matched.{did_you_mean(trials.match, target.index)} Choose from: "
+            f"matched.{did_you_mean(trials.match, target.index)} Set match to one of: "
             f"{', '.join(target.index)}"
         )
     quiet, noisy, slope, before = -np.inf, np.inf, 0.5, None
@@ -192,8 +192,8 @@ def match_noise(text: str, trials: Trials) -> Tuned:
     raise FlexaxisError(
         f"{name}: no value of {knob.name} from {least:.4g} to {most:.4g} makes the estimator "
         f"as noisy as {REFERENCE}. The last attempt, {tried}, gives {np.exp(error):.3g} times the "
-        f"reference noise. If a smaller {knob.name} makes the estimator faster, write "
-        f'knob = "1/{knob.name}"'
+        f"reference noise. If a smaller {knob.name} makes the estimator faster, "
+        f'declare knob = "1/{knob.name}" in its class'
     )
 
 
@@ -233,8 +233,8 @@ def equally_noisy(
     if not every:
         raise FlexaxisError(
             "--match-std: no scenario has a fault in a parameter that both estimators estimate, "
-            "so there is no lag to compare. Run `flexaxis list faults` to find a scenario with a "
-            "fault in a parameter that both estimators estimate"
+            "so there is no lag to compare. Run `flexaxis list faults` to find a scenario with "
+            "such a fault"
         )
     match = EXCESS if len(every) > 1 else every.pop()
     where = [s for s, names in zip(scenarios, changing, strict=True) if names]

@@ -80,8 +80,8 @@ class Comparison:
     def status(self) -> int:
         """Return the exit status: 1 if the candidate is worse, and otherwise 0 or 3.
 
-        The exit status is 3 if the verdict is "undecided" and the candidate has missing runs or
-        more lost runs than the base. A run is lost if it fails, diverges or never settles.
+        An undecided verdict leads to the exit status 3 if the candidate has missing runs, or more
+        lost runs than the base. A run is lost if it fails, diverges or never settles.
         """
         if self.verdict != UNDECIDED:
             return int(self.verdict == WORSE)
@@ -95,13 +95,13 @@ def compare(
     runner: Runner, *,
     margins: Mapping[str, float] = MARGINS, max_seeds: int = 0, match_std: bool = False,
 ) -> Comparison:  # fmt: skip
-    """Run two estimators, and compare all their scores or only their lags at equal noise.
+    """Run two estimators, and compare either all their scores, or only their lags at equal noise.
 
     If the verdict is "undecided", the function doubles the number of seeds and repeats the
     analysis, until `max_seeds` seeds have been used. Each of K interim analyses has the
     significance level alpha/K (Bonferroni). Therefore repeated analyses do not increase the
-    probability of a false verdict. The comparison skips scenarios on which one of the estimators
-    cannot run.
+    probability of a false verdict. The comparison skips scenarios on which at least one of the
+    estimators cannot run.
 
     Parameters
     ----------
@@ -172,8 +172,8 @@ def look_seeds(seeds: Sequence[int], most: int) -> list[list[int]]:
     """
     if len(seeds) < 2 or 0 < most < len(seeds):
         raise FlexaxisError(
-            "a comparison needs at least 2 seeds (32 are recommended), and the number of --seeds "
-            f"({len(seeds)}) must not exceed --max-seeds ({most})"
+            "a comparison needs at least 2 seeds (32 are recommended), and the number of seeds "
+            f"in --seeds ({len(seeds)}) must not exceed --max-seeds ({most})"
         )
     every, sizes = [*seeds, *range(seeds[-1] + 1, seeds[-1] + 1 + most)], [len(seeds)]
     while sizes[-1] < most:
@@ -225,7 +225,7 @@ def compare_runs(
         if results.axes or len(chosen) > 1 or chosen[0] not in texts:
             raise FlexaxisError(
                 f"{folder}: give the folder of a finished run, and use --base or --candidate to "
-                f"choose an estimator in this folder. The folder contains: {', '.join(texts)}"
+                f"choose an estimator in this folder. Its estimators are: {', '.join(texts)}"
             )
         names += chosen
         versions.append(summary_of(folder)["versions"])
@@ -234,7 +234,8 @@ def compare_runs(
     if versions[0] != versions[1] or any(old[name] != new[name] for name in old.keys() & new):
         raise FlexaxisError(
             f"{base} and {candidate} contain results from different versions of flexaxis or of a "
-            "scenario. Repeat both runs, or use `flexaxis compare --base … --candidate …`"
+            "scenario. Repeat both runs with the same version, or use `flexaxis compare --base … "
+            "--candidate …`, which runs both estimators again"
         )
     paired = pair(*sides, margins)  # type: ignore[call-arg]
     common = sorted({*sides[0]["seed"]} & {*sides[1]["seed"]})

@@ -56,7 +56,7 @@ def at_equal_noise(
             pairs=[(row["parameter"], noise)], whole=True,
         ).values()  # fmt: skip
         if match is None or match.how != MATCHED:
-            text = "no setting matches the noise of {parameter} on {scenario}"
+            text = "no candidate setting matches the base noise for {parameter} on {scenario}"
             gaps.append(Gap("candidate", text.format(**row)))
             continue
         logs = np.array([match.reference.at("lag"), match.at("lag")])

@@ -70,9 +70,9 @@ class Paired:
 def table(rows: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
     """Return the scores of one estimator in the form that a comparison needs.
 
-    A failed run has rows for all parameters that the scenario identifies. The function removes the
-    rows of a failed run for parameters that the estimator does not estimate in any successful run
-    on the same scenario.
+    A failed run has rows for all parameters that the scenario identifies. If the estimator
+    estimates a parameter in no successful run on a scenario, the function removes the rows for this
+    parameter from its failed runs on this scenario.
 
     Parameters
     ----------
@@ -126,7 +126,7 @@ def pair(base: pd.DataFrame, candidate: pd.DataFrame, margins: Mapping[str, floa
 
 
 def _lacking(sides: Mapping[str, pd.DataFrame]) -> list[Gap]:
-    """Return a `Gap` for each estimator and scenario if runs with the common seeds are missing."""
+    """Return a `Gap` for each pair of estimator and scenario that lacks runs with common seeds."""
     seeds = set.intersection(*({*rows["seed"]} for rows in sides.values()))
     cases = pd.DataFrame({
         side: rows[rows["seed"].isin(seeds)].drop_duplicates(CASE)["scenario"].value_counts()

@@ -115,7 +115,7 @@ def headline(c: Comparison, shown: Sequence[Row]) -> str:
 
 
 def _scaled(row: Row) -> tuple[Any, str]:
-    """Return a score change and the ends of its interval (3,), and their unit for display."""
+    """Return an array (3,) of a score change and the ends of its interval, and the display unit."""
     numbers = np.array([row["change"], *row["interval"]], float)
     if row["scale"] is not None:
         return numbers, METRICS[row["metric"]]

@@ -1,4 +1,4 @@
-"""Judge the changes in all scores and in the numbers of lost runs in a comparison."""
+"""Judge a comparison: the changes in all scores, and in the numbers of lost runs."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -27,12 +27,12 @@ SHARES = {False: 0.5, True: 0.1, "diverged": 0.2, "never_settled": 0.2}
 False for all other scores, and the remaining keys for the kinds of lost runs."""
 
 LOST_WORSE = 0.75
-"""In a test of lost runs, fraction of the significance level for the verdict "worse". With alpha =
-0.01, ten newly lost runs and no regained runs (p = 2⁻¹⁰) lead to the verdict "worse"."""
+"""Fraction of the significance level that a test of lost runs uses for the verdict "worse". With
+alpha = 0.01, ten newly lost runs and no regained runs (p = 2⁻¹⁰) lead to the verdict "worse"."""
 
 UNSEEN = 0.5
-"""Assumed size of a rare change in the opposite direction that did not occur in any run. The size
-is a log-ratio; a log-ratio of 0.5 corresponds to a factor of 1.65."""
+"""Assumed log-ratio of a rare change that is opposite to the observed changes, and occurred in no
+run. A log-ratio of 0.5 corresponds to a factor of 1.65."""
 
 FAILED, SCATTER = 0.2, 4 * 1.4826
 """Limits beyond which a change counts as a failure. The log-ratio of a failure is larger than
@@ -153,9 +153,9 @@ def _agreeing(way: Any, n: Any, scenarios: Any, metrics: Any) -> tuple[Any, Any]
 
     The runs on a scenario confirm a change if any score of the same metric changes in the same
     direction on this scenario. Each run counts once. The first returned array contains the number
-    of confirming runs for each score (S,). For each score, k of K scenarios confirm the change, and
-    the second array (S,) contains the number of ways to select k of K scenarios. If a failure has
-    the probability q per run, the probability of no failure in n runs is (1 − q)ⁿ. Therefore n runs
+    of confirming runs for each score (S,). The second array (S,) contains the number of ways to
+    select k of K scenarios, where k scenarios confirm the change in the score. If a failure has the
+    probability q per run, the probability of no failure in n runs is (1 − q)ⁿ. Therefore n runs
     cannot exclude failures with a probability q below 1 − alpha^(1/n).
     """
     table = pd.DataFrame({"metric": metrics, "way": way, "scenario": scenarios, "n": n})
@@ -170,8 +170,7 @@ def judge_lost(newly: int, regained: int, way: str, alpha: float = ALPHA) -> str
     """Return the verdict of McNemar's exact test on the runs that only one estimator lost.
 
     If the test is not significant, the verdict is "undecided" or "not more". The verdict is
-    "undecided" if the candidate newly loses at least one run, and regains no more runs than it
-    newly loses.
+    "undecided" if the candidate newly loses at least one run, and regains at most as many runs.
     """
     share = SHARES[way] * alpha
     if sign_p(newly, regained) <= LOST_WORSE * share:

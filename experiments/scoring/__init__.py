@@ -1,4 +1,4 @@
-"""Compute the scores of runs, theoretical bounds, pooled scores and confidence intervals.
+"""Compute run scores, theoretical bounds, pooled scores and confidence intervals.
 
 All scores are computed from a `Track`, which contains the estimates and the true values of one run.
 The scores of a run form a list with one row per parameter. The module `score_table` defines every

@@ -1,5 +1,5 @@
 """
-Compute the Cramér–Rao bound after a parameter jump, the lag at the bound, and the score.
+Compute the Cramér–Rao bound after a parameter jump, the lag at this bound, and the lag score.
 
 The page docs/scores.md contains the formulas and their sources. All formulas use the predictor
 gradient ψ at the true parameters, and assume white output noise with variance σ². If estimators
@@ -39,8 +39,8 @@ LIMITS = {
     "friction after the jump.",
     "lag_bound_single": "Lag at the Cramér–Rao bound, for an estimator that knows the time of the "
     "jump, the state at the jump, and all parameters that did not change.",
-    "lag_bound_learnt": "Lag at the Cramér–Rao bound, for an estimator that must also estimate "
-    "inexactly known parameters from the data before the fault.",
+    "lag_bound_learnt": "Lag at the Cramér–Rao bound, for an estimator that knows some "
+    "parameters only inexactly, and must also estimate them from the data before the fault.",
 }
 """Descriptions of the theoretical limits on the lag [s]."""
 
@@ -121,13 +121,13 @@ def jump_bound(
     Parameters
     ----------
     scenario : Scenario
-        Scenario with noise. One of the models for estimators must describe the axis of the scenario
+        Scenario with noise. One of the estimator models must describe the axis of the scenario
         (`flexaxis.experiments.scoring.true_model.describes`).
     names : sequence of str
         Names of the parameters that are unknown after the event.
     index, stop : int
-        Index of the sample at which the event occurs, and index of the sample after the last sample
-        with a bound.
+        Index of the sample at which the event occurs, and index one past the last sample that has a
+        bound.
     u : (N,) array_like
         Torque of a record of the scenario [N m].
     """
@@ -192,7 +192,7 @@ def _deviation(covariance: Array) -> Array:
 def _gradient(
     scenario: Scenario, names: Sequence[str], parameters: Array, x: Array, u: Array
 ) -> tuple[Array, Array]:
-    """Return the predictor gradient ψ₀ (N, p) for an initial state, and the scales of θ (p,)."""
+    """Return the predictor gradient ψ₀ (N, p) from the state x, and the parameter scales (p,)."""
     model = true_model(scenario, parameters).parametrize(names)
     theta = model_theta(scenario, names, parameters)
     state = np.zeros(model.states)
@@ -203,7 +203,7 @@ def _gradient(
 
 
 def noise_variance(scenario: Scenario) -> float:
-    """Return the variance of the speed noise, or of the angle noise for encoder signals."""
+    """Return the variance of the speed noise, or of the angle noise if an encoder is read."""
     if not reads_encoder(scenario):
         return scenario.noise.speed**2
     counts = scenario.encoder.counts
@@ -245,16 +245,16 @@ def limits(scenario: Scenario, names: Sequence[str], torque: Array) -> dict[str,
 
 @remembered
 def record_limits(scenario: Scenario, torque: bytes) -> dict[str, Limits]:
-    """Return the lag limits of all identified parameters, cached for all estimators."""
+    """Return the lag limits of all identified parameters; all estimators share the cache."""
     return limits(scenario, scenario.identify, np.frombuffer(torque).copy())
 
 
 def bounded(scenario: Scenario, names: Sequence[str]) -> dict[str, Window]:
     """Return the scoring windows of the parameters for which a bound is defined, keyed by name.
 
-    A parameter has a bound if its value changes once, in a step, while the excitation is on. All
-    other faults must also be steps, and parameters must change only through faults. One of the
-    models for estimators must describe the axis, even if no estimator uses this model. The scenario
+    A parameter has a bound only if its value changes exactly once, in a step, while the excitation
+    is on. All other faults must also be steps, and no parameter may change without a fault. One of
+    the estimator models must describe the axis, even if no estimator uses this model. The scenario
     must have noise, because all bounds are zero without noise.
     """
     if scenario.nuisance or not describes(scenario) or not noise_variance(scenario) > 0:
@@ -303,10 +303,10 @@ def limits_of(track: Track, i: int) -> Limits:
 
 
 def limit_of(name: str, track: Track, i: int) -> float | None:
-    """Return a theoretical limit on the lag, such as "lag_bound", of the estimated parameter i."""
+    """Return the lag limit `name`, such as "lag_bound", of the estimated parameter i."""
     return limits_of(track, i).get(name)
 
 
 def score_of(track: Track, i: int) -> float | None:
-    """Return the lag on a scale from 0 for constant estimates to 100 at the Cramér–Rao bound."""
+    """Return the lag on a logarithmic scale: 0 for constant estimates, 100 at the lag bound."""
     return score(lag_of(track, i), limits_of(track, i))

@@ -22,8 +22,9 @@ def nis(innovations: Array) -> float | None:
     Parameters
     ----------
     innovations : ndarray (N, 2)
-        Innovations ε = y − ŷ, computed before the estimator uses y, and the innovation variances S
-        that the estimator reports. The innovations and variances are NaN where y is missing.
+        Innovations ε = y − ŷ, and the innovation variances S that the estimator reports. The
+        estimator predicts ŷ before it uses y. The innovations and variances are NaN where y is
+        missing.
 
     Returns
     -------
@@ -38,11 +39,11 @@ def nis(innovations: Array) -> float | None:
 def whiteness(innovations: Array, lags: int) -> float | None:
     """Return the Ljung-Box statistic of ε/√S, divided by its degrees of freedom.
 
-    For white innovations, the expected result is 1. The statistic Q is computed from n innovations,
-    of which n_l pairs are l samples apart.
+    For white innovations, the expected result is 1. The statistic Q is computed from n innovations;
+    n_l is the number of pairs of innovations that are l samples apart.
 
-    Q = (n + 2)/n Σ_l n_l r_l²,  where r_l is the mean product of the n_l pairs, divided by the mean
-    square of all values.
+    Q = (n + 2)/n Σ_l n_l r_l²,  where r_l is the mean product over the n_l pairs, divided by the
+    mean square of all normalised innovations.
 
     Without missing values, Q is the statistic n (n + 2) Σ_l ρ_l²/(n − l) of Ljung and Box
     (Biometrika 65, 1978, 297-303). The function does not subtract the mean of the innovations,
@@ -53,7 +54,7 @@ def whiteness(innovations: Array, lags: int) -> float | None:
     innovations : ndarray (N, 2)
         Innovations ε and reported variances S, as in the function `nis`.
     lags : int
-        Number of lags. The smallest lag is one sample.
+        Number of lags: l runs from 1 to `lags`.
 
     Returns
     -------
@@ -111,7 +112,7 @@ def nees(error: Array, covariance: Any) -> float | None:
 
 
 def nis_of(track: Track, i: int) -> float | None:
-    """Return the mean of ε²/S over the samples before the fault from which `std` is computed."""
+    """Return the NIS over the samples (all before the fault) from which `std` is computed."""
     del i
     innovations = _quiet(track)
     return None if innovations is None else nis(innovations)

@@ -22,7 +22,7 @@ BEFORE, AFTER = 0.1, 1.0  # time before and after a fault in which every sample 
 
 
 def near_fault(scenario: Scenario) -> slice:
-    """Return the range of samples around the first scored fault; without a fault, it is empty."""
+    """Return the range of samples around the first scored fault (empty if there is no fault)."""
     first = next(iter(windows(scenario, scenario.identify)), None)
     if first is None:
         return slice(0, 0)
@@ -31,7 +31,7 @@ def near_fault(scenario: Scenario) -> slice:
 
 
 def after(scenario: Scenario) -> int:
-    """Return the number of consecutive samples after a fault that a trajectory contains."""
+    """Return the number of consecutive samples that a trajectory contains from a fault on."""
     return round(AFTER / scenario.period) + 1
 
 
@@ -43,7 +43,7 @@ def later(drawn: Scenario, written: Scenario) -> int:
 
 
 def shifted(values: Array, late: int) -> Array:
-    """Shift a time series (N, …) earlier by `late` samples, and fill the gap with its end value.
+    """Shift a time series (N, …) earlier by `late` samples; the nearest value fills the gap.
 
     Examples
     --------
@@ -56,7 +56,7 @@ def shifted(values: Array, late: int) -> Array:
 
 
 def estimates(traces: Mapping[int, Any], scenario: Scenario, parameter: str) -> pd.DataFrame:
-    """Return a table of the estimates of a parameter, divided by its nominal value.
+    """Return a table of a parameter's estimates, divided by the nominal value.
 
     The table has one row per time [s] and one column per seed. The table contains every sample
     around the first fault. At other times, the table contains every `CURVE_STEP`-th sample.

@@ -73,7 +73,7 @@ def detection(
 def _firsts(
     scenario: Scenario, names: Sequence[str], findings: Sequence[Any]
 ) -> list[tuple[Window, Any]]:
-    """Return the window of each fault, and the first reported change in this window or None."""
+    """Return a pair for each fault: its window, and the first change reported in it (or None)."""
     return [(w, next((f for f in findings if w.start <= f.alarm < w.stop), None))
             for w in windows(scenario, names)]  # fmt: skip
 

@@ -1,4 +1,4 @@
-"""Compute the excess prediction error, the part of the residual due to parameter errors."""
+"""Compute the excess error: the part of the prediction error that is due to parameter errors."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,12 +24,12 @@ def information(scenario: Scenario) -> Array | None:
 
     The excess error is the increase in the mean squared prediction error due to small errors in θ̂,
     divided by the noise variance. The excess error depends neither on the units nor on the choice
-    of the parameters. The matrix M is E ψψᵀ/σ², where ψ is the predictor gradient with respect to
-    all identified parameters, scaled to % of nominal, and σ² is the noise variance. The expectation
-    E is a time average in steady state, for the reference motion of the scenario and nominal
-    parameters. The model is linear, so the rows and columns of M for parameters of nonlinear laws
-    are zero. The function returns None if there is no noise, or if the scenario identifies only
-    parameters of nonlinear laws.
+    of the parameters. The matrix M is E ψψᵀ/σ², where σ² is the noise variance. The predictor
+    gradient ψ is taken with respect to all identified parameters, in % of nominal. The expectation
+    E is a steady-state time average for the nominal axis during the scenario's reference motion.
+    The model is linear, so the rows and columns of M for parameters of nonlinear laws are zero. The
+    function returns None if there is no noise, or if the scenario identifies only parameters of
+    nonlinear laws.
     """
     variance = noise_variance(scenario)
     if reads_encoder(scenario):  # predictors read the increments of an angle
@@ -48,7 +48,7 @@ def information(scenario: Scenario) -> Array | None:
 
 
 def excess_of(track: Track, i: int) -> float | None:
-    """Return the mean excess error θ̃ᵀMθ̃ before the fault, which is the same for all parameters."""
+    """Return the mean excess error θ̃ᵀMθ̃ before the fault; all parameters have the same value."""
     del i
     M = information(track.scenario)
     if M is None or not track.quiet.size:

@@ -24,7 +24,7 @@ LEAST = 5  # smallest number of values for an interval
 NEVER = 1e12  # number that represents infinity
 MISS = 0.05  # probability that an interval does not contain the true value
 FLOOR = 1e-6
-"""Smallest score whose logarithm is computed [s or %]; it replaces smaller scores, such as 0."""
+"""Lower limit of scores [s or %]; it replaces smaller scores before a logarithm is computed."""
 
 
 def t_interval(values: ArrayLike) -> Interval | None:
@@ -57,13 +57,13 @@ def by_seed(values: ArrayLike, seeds: Labels, points: Labels) -> Array:
     """Return one combined value per seed (m,), from which a standard error can be computed.
 
     The m combined values have the same mean x̄ as the values of the n runs. The scatter of the
-    combined values determines the standard error of x̄. For each run of a seed, d_i is the
-    deviation of its value from the mean at its sweep point. The combined value for the seed is x̄ +
-    m/n Σ d_i. The formula gives the variance of clustered samples (Cochran, *Sampling Techniques*,
-    third edition, chapters 5 and 9). Differences between sweep points are not random, and therefore
-    do not increase the scatter. If all sweep points have the same seeds, the combined value for a
-    seed is the mean of its values at all sweep points. If any sweep point has a single run, the
-    function treats differences between sweep points as random.
+    combined values determines the standard error of x̄. For run i, d_i is the deviation of its
+    value from the mean at its sweep point. The combined value for a seed is x̄ + m/n Σ d_i, summed
+    over the runs with this seed. The formula gives the variance of clustered samples (Cochran,
+    *Sampling Techniques*, third edition, chapters 5 and 9). Differences between sweep points are
+    not random, and therefore do not increase the scatter. If all sweep points have the same seeds,
+    the combined value for a seed is the mean of its values at all sweep points. If any sweep point
+    has a single run, the function treats differences between sweep points as random.
 
     Parameters
     ----------
@@ -131,8 +131,8 @@ def rate_interval(counts: ArrayLike, exposure: float, seeds: ArrayLike) -> Inter
 
     The interval is exact for a Poisson process (Garwood, Biometrika 28, 1936, 437–442). If no event
     occurred, the upper end is the one-sided limit, which is 3.0 divided by the exposure. If events
-    occur in clusters, the interval is wider. The width depends on the ratio of the variance to the
-    mean of the counts per seed.
+    occur in clusters, the interval is wider. The width depends on the variance-to-mean ratio of the
+    counts per seed.
 
     Parameters
     ----------
@@ -198,9 +198,9 @@ def _freedom(apart: Array, seed: Index, point: Index) -> float:
 
     Satterthwaite's formula is (m − 1)(tr C)²/tr C², where C is the covariance between the sweep
     points, estimated from m seeds. The formula gives m − 1 degrees of freedom if the noise is the
-    same at all sweep points. If the noise at each sweep point is independent, the formula gives m −
-    1 times the number of points. The function subtracts the bias of tr C² due to the finite number
-    of seeds.
+    same at all sweep points. If the noise is independent from sweep point to sweep point, the
+    formula gives the number of sweep points times m − 1. The function subtracts the bias of tr C²
+    due to the finite number of seeds.
     """
     table = np.zeros((seed.max() + 1, point.max() + 1))
     table[seed, point] = apart
@@ -288,8 +288,8 @@ def holm_levels(p: ArrayLike, alpha: float) -> Array:
     -------
     ndarray (m,)
         Level of each test: alpha/m for the smallest p-value, alpha/(m − 1) for the next p-value,
-        and so on. All tests after the first hypothesis that is not rejected have the same level as
-        the test of this hypothesis.
+        and so on. Once a hypothesis is not rejected, all later hypotheses are tested at the same
+        level as that one.
 
     Examples
     --------

@@ -20,7 +20,7 @@ from flexaxis.sim.tables.excitation import Standstill
 
 Array = NDArray[np.float64]
 Torque = Callable[[Scenario], Array]
-"""Function that returns the torque [N m] of a scenario with the seed 0, shape (N,)."""
+"""Function that returns the torque [N m] of a scenario for the seed 0, shape (N,)."""
 
 
 def _simulated(scenario: Scenario) -> Array:
@@ -32,7 +32,7 @@ _RUN: ContextVar[Torque] = ContextVar("run", default=_simulated)
 
 @contextmanager
 def nominal_runs(torque: Torque) -> Iterator[None]:
-    """Within a context, replace the simulation of nominal runs, for example by a record cache."""
+    """Within a context, call `torque` (for example, a cache) instead of simulating nominal runs."""
     before = _RUN.set(torque)
     try:
         yield

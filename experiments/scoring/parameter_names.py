@@ -42,7 +42,7 @@ def theta_over_time(scenario: Scenario, names: Sequence[str]) -> NDArray[np.floa
 
 
 def known_names(scenario: Scenario, names: Sequence[str]) -> tuple[str, ...]:
-    """Return the estimated parameters with a nonzero initial value, by which errors are divided."""
+    """Return the parameters whose initial value is nonzero, because errors are divided by it."""
     return tuple(name for name in names if scenario.initial.get(physical(name)[0]))
 
 
@@ -76,7 +76,7 @@ def started_theta(scenario: Scenario, names: Sequence[str]) -> NDArray[np.float6
 
 
 def has_model(scenario: Scenario) -> bool:
-    """Return whether a model for estimators has the same name and parameters as the plant."""
+    """Return whether an estimator model has the same name and parameters as the plant."""
     shipped = MODELS.get(scenario.model)
     return shipped is not None and set(shipped.factory(shipped.rough).parameters) == set(
         scenario.nominal
@@ -84,13 +84,13 @@ def has_model(scenario: Scenario) -> bool:
 
 
 def check_model(scenario: Scenario) -> None:
-    """Raise a ScenarioError if no model for estimators describes the plant."""
+    """Raise a ScenarioError if no estimator model describes the plant."""
     if not has_model(scenario):
         raise ScenarioError(
             f"{scenario.name}: estimators have no model {scenario.model} with the parameters "
             f"{', '.join(scenario.nominal)}. Estimates and bounds need a model with all parameters "
-            "of the plant. Add a model to estimators/models/axes.py (see docs/extending.md). The "
-            "command `flexaxis simulate` needs no model"
+            "of the plant. Add a model to estimators/models/axes.py (see docs/extending.md), or "
+            "use `flexaxis simulate`, which needs no model, to record the plant without estimates"
         )
 
 

@@ -6,8 +6,8 @@ a dict with the pooled score and, if available, a confidence interval. A column 
 number per run, in the order of the seeds. In a column, NaN means undefined, 1 means true, and 0
 means false. The columns include ``seed`` and ``point`` (the sweep point). Confidence intervals need
 both, because only runs with different seeds are independent
-(`flexaxis.experiments.scoring.intervals`). Consistency scores exclude diverged runs, for which no
-covariance is reported. All scores except the consistency scores include diverged runs.
+(`flexaxis.experiments.scoring.intervals`). Consistency scores exclude diverged runs, because no
+covariance is reported for these runs. All other scores include diverged runs.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence

@@ -52,8 +52,8 @@ class Score:
     kind : {"number", "integer", "truth", "text"}
         Type of the values in the column of the score.
     parts : mapping of str to str
-        Unit of each part of a score that consists of several numbers, keyed by the name of the
-        part. Each part of the score has its own column.
+        Units of the parts, keyed by the name of the part, if the score consists of several numbers.
+        Each part of the score has its own column.
     margin : float, optional
         Largest relative change in the score that `compare` considers negligible. By default,
         `compare` ignores scores without a margin.
@@ -97,11 +97,11 @@ SCORES: Mapping[str, Score] = {
         Score(
             "lag",
             scores.lag_of,
-            "Absolute relative error, integrated over the 5 s after the fault or until the next "
-            "event: T Σ |θ̃|/D. T is the sampling period, θ̃ is the estimation error, and D is the "
-            "size of the fault. If the excitation is off when the fault occurs, the integration "
-            "starts when the excitation returns. The pooled lag is the geometric mean over the "
-            "runs.",
+            "Absolute relative error T Σ |θ̃|/D, integrated over the 5 s after the fault, or up to "
+            "the next event if it is earlier. T is the sampling period, θ̃ is the estimation error, "
+            "and D is the size of the fault. If the excitation is off when the fault occurs, the "
+            "integration starts when the excitation returns. The pooled lag is the geometric mean "
+            "over the runs.",
             unit="s",
             better="less",
             pool=pooling.geometric,
@@ -242,9 +242,9 @@ SCORES: Mapping[str, Score] = {
         Score(
             "score",
             bounds.score_of,
-            "Lag on a logarithmic scale, from 0 for an estimator with constant estimates to 100 "
-            "at the Cramér–Rao bound `lag_bound`. The score is defined for step changes in "
-            "parameters if one of the models for estimators describes the axis.",
+            "Lag on a logarithmic scale: 0 for an estimator with constant estimates, and 100 at "
+            "the Cramér–Rao bound `lag_bound`. The score is defined for step changes in parameters "
+            "if one of the estimator models describes the axis.",
             unit="",
             better="more",
             pool=pooling.mean,

@@ -86,8 +86,8 @@ class Track:
     claimed : ndarray (p, p), optional
         Covariance that the estimator reports before the first fault (see `claimed_at`).
     innovations : ndarray (N, 2), optional
-        Innovations y − ŷ, computed before the estimator uses y, and the innovation variances that
-        the estimator reports.
+        Innovations y − ŷ, and the innovation variances that the estimator reports. The estimator
+        predicts ŷ before it uses y.
     findings : sequence, optional
         Changes that the estimator reports, each with attributes ``alarm`` (sample index of the
         alarm) and ``parameters`` (names of the parameters that changed).
@@ -130,8 +130,8 @@ class Track:
         """Index of the sample at which the run diverges, or None if the run does not diverge.
 
         A parameter of a nonlinear law has no lower limit, because zero is a valid estimate if the
-        axis lacks the nonlinearity. If `identify` does not contain the parameter of a nonlinear
-        law, there is no upper limit either.
+        axis lacks the nonlinearity. A nonlinear-law parameter that is not in `identify` has no
+        upper limit either.
         """
         law = [name in LAW_NAMES for name in self.names]
         besides = [name in LAW_NAMES and name not in self.scenario.identify for name in self.names]
@@ -140,7 +140,7 @@ class Track:
         return loss(self._judged(law), edges, self.scenario.period)
 
     def _judged(self, law: Sequence[bool]) -> Array:
-        """Return the estimates (N, p), with the true nonlinear-law parameters during burn-in.
+        """Return the estimates (N, p); nonlinear-law parameters have true values during burn-in.
 
         Estimators receive no initial values of nonlinear-law parameters, so any initial estimate of
         these parameters is allowed.
@@ -236,7 +236,7 @@ def lag(relative: Array, period: float) -> Any:
 
 
 def settling(relative: Array, level: float, period: float) -> float | None:
-    """Return the time [s] after which the relative error (n,) remains within ±level, or None."""
+    """Return the time [s] from which the relative error (n,) stays within ±level; None if never."""
     outside = np.flatnonzero(~(np.abs(relative) <= level))  # NaN counts as outside
     settled = 0 if not outside.size else int(outside[-1]) + 1
     return None if settled == len(relative) else settled * period

@@ -118,7 +118,8 @@ def columns_of(rows: pd.DataFrame) -> dict[Any, Array]:
     ----------
     rows : DataFrame
         One row per run. The optional column ``point`` contains the sweep point of each run. A
-        missing column becomes NaN, so all runs without a ``point`` belong to the same sweep point.
+        missing column is filled with NaN. Without the column ``point``, all runs belong to the same
+        sweep point.
     """
     numbers = rows.reindex(columns=["seed", "point", *NUMBERS]).astype(float)
     return {name: values.to_numpy() for name, values in numbers.items()}
@@ -160,9 +161,8 @@ def excess(by_name: Mapping[Any, pooling.Columns], scenario: Scenario) -> dict[s
     by_name : mapping of str to columns
         Score columns of each estimated parameter, for the same runs of one scenario.
     scenario : Scenario
-        Scenario of the runs. The excess error depends on the biases of the estimates of all
-        identified parameters. The bias of a parameter that the estimator does not estimate counts
-        as zero.
+        Scenario of the runs. The excess error depends on the estimation biases of all identified
+        parameters. The bias of a parameter that the estimator does not estimate counts as zero.
     """
     first = next(iter(by_name.values()))
     each, lost = first["excess"], first["lost_before"] > 0

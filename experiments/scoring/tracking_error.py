@@ -14,7 +14,8 @@ from flexaxis.sim.simulate import tracked
 Array = NDArray[np.float64]
 
 COSTS = 0.2
-"""Smallest fault-induced relative increase in the tracking error for which the score is defined."""
+"""The score `recovered` is defined only if the fault increases the tracking error by at least this
+fraction."""
 
 PARTS: Mapping[str, str] = {
     "without_fault": "rad", "frozen": "rad", "told": "rad", "estimated": "rad", "limited": ""
@@ -23,7 +24,7 @@ PARTS: Mapping[str, str] = {
 
 
 def recovered_of(track: Track, i: int) -> float | None:
-    """Return the percentage of the fault-induced tracking error that is avoided with estimates."""
+    """Return the percentage of the fault-induced tracking error avoided by using estimates."""
     return recovered(track.tracking, "estimated")
 
 
@@ -75,7 +76,7 @@ def tracking(scenario: Scenario, seed: int, estimator: Any) -> Mapping[str, floa
     seed : int
         Random seed of the fault onset and of the noise.
     estimator : Estimator
-        Estimator in its initial state, which provides the parameters of the controller.
+        Estimator that provides the controller parameters, in its initial state.
 
     Returns
     -------

@@ -33,7 +33,7 @@ STIFF = 1e5  # bristle stiffness for Coulomb friction [N m/rad]; 1e4 changes a b
 
 @dataclass(frozen=True)
 class Described:
-    """Nonlinear law in the estimators' models that represents one table of a scenario.
+    """Nonlinear law by which the estimators' models represent one scenario table.
 
     Attributes
     ----------
@@ -100,7 +100,7 @@ def reads_encoder(scenario: Scenario) -> bool:
 
 
 def linear_model(scenario: Scenario, values: Mapping[str, float]) -> Model:
-    """Return the linear model of an axis, with the output signal that predictors use."""
+    """Return the linear model of an axis whose output is the signal that the predictors use."""
     return SIGNALS[scenario.output].predicted(axis_model(scenario, values), scenario.period)
 
 
@@ -173,7 +173,7 @@ def _described(scenario: Scenario) -> dict[str, Described]:
 
 
 FINER = 2
-"""Number of integration steps per sample, relative to estimators with nonlinear laws.
+"""Number of integration steps per sample, divided by the number in estimators with nonlinear laws.
 
 With twice as many steps as in the estimators, the errors of the bounds are at most 3 % in tests.
 Coulomb friction is an exception, because it is almost discontinuous. The lag bound for Coulomb

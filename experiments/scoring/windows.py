@@ -1,4 +1,4 @@
-"""Select the samples for scores: an interval before a fault and a window after the fault."""
+"""Select the samples to score: an interval before a fault and a window after the fault."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
