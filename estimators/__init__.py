@@ -1,8 +1,8 @@
-"""Estimators that compute the physical parameters of an axis from motor torque and angle or speed.
+"""Estimators that compute the physical parameters of an axis from torque and either speed or angle.
 
 The modules in `estimators` never read the true parameters and import no other package of the suite,
 so the estimators also run on logs of a real axis. An estimator receives the torque u[k], the output
-y[k] and prior knowledge, which `problem` describes. An estimator returns the parameter estimate
+y[k] and the prior knowledge that `problem` describes. An estimator returns the parameter estimate
 θ[k] and the detected parameter changes, as `protocol` specifies. The package `models` contains
 models of axes. `filters` and `glr` process samples one by one, and `offline` processes whole
 records. `methods` contains the estimators, and `registry` lists the estimators by name.

@@ -10,7 +10,7 @@ class EstimatorError(ValueError):
 
 def did_you_mean(word: str, allowed: Iterable[str]) -> str:
     """
-    Return the end of an error message, with the closest allowed word and all allowed words.
+    Return the end of an error message, which suggests the closest allowed word and lists them all.
 
     Parameters
     ----------

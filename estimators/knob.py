@@ -66,11 +66,11 @@ def make_knob(declared: Any, defaults: Mapping[str, Any]) -> Knob:
     Parameters
     ----------
     declared : str
-        Declaration of the tuning parameter. An option name alone, such as ``"gain"``, denotes an
-        option whose larger values make the estimates faster. The prefix ``1-``, as in ``"1-lam"``,
-        denotes a forgetting factor λ, whose tuning position is 1−λ. The prefix ``1/``, as in
-        ``"1/window"``, denotes an option whose larger values make the estimates slower. A
-        declaration without a prefix also denotes a forgetting factor if the default of the option
+        Declaration of the tuning parameter. If the declaration is only an option name, such as
+        ``"gain"``, larger values of the option make the estimates faster. With the prefix ``1-``,
+        as in ``"1-lam"``, the option is a forgetting factor λ, whose tuning position is 1−λ. With
+        the prefix ``1/``, as in ``"1/window"``, larger values of the option make the estimates
+        slower. An option without a prefix is also treated as a forgetting factor if its default
         lies in [0.9, 1).
     defaults : mapping
         Names and default values of the estimator options.
@@ -107,8 +107,8 @@ def make_knob(declared: Any, defaults: Mapping[str, Any]) -> Knob:
         most = min(most, math.nextafter(1.0, 0.0))
         if not 0 < usual < 1:
             raise EstimatorError(
-                f"the attribute `knob` is {declared!r}, so the default of this option must lie "
-                "between 0 and 1"
+                f"the attribute `knob` is {declared!r}, which declares {name!r} to be a forgetting "
+                f"factor, so the default of {name!r} must lie between 0 and 1"
             )
     return Knob(name, transform, usual, usual / FARTHEST, most)
 
@@ -118,18 +118,18 @@ def tunings() -> Mapping[str, Mapping[str, Any]]:
     """
     Return the tuned settings from ``tuned.toml``, keyed by estimator name.
 
-    Each tuned setting is a table with the following keys. The keys ``estimator``, ``knob`` and
-    ``value`` contain the names of the estimator and of the tuned option, and the value of this
-    option. The key ``setting`` contains the tuned setting in the format of the command-line option
-    ``--estimator``. The key ``match`` names the noise measure that the tuning matched to that of
-    the estimator `rpem-forgetting` with λ = 0.995. If ``match`` is "excess", the noise measure is
-    the excess prediction error; otherwise ``match`` is the name of the parameter whose standard
-    deviation was matched. The key ``ratio`` contains the matched noise measure divided by that of
-    `rpem-forgetting`, or the square root of this quotient if ``match`` is "excess". The key
-    ``command`` contains the command that determined the setting. The keys ``model``, ``identify``,
-    ``period`` [s] and ``noise`` describe the tuning conditions. The model ``"n1"`` is the nominal
-    axis, and ``noise`` is the standard deviation of the noise in y [rad/s]. The program uses a
-    tuned setting regardless of the noise level in y.
+    Each tuned setting is a table with the following keys. The key ``estimator`` contains the
+    estimator name, ``knob`` the name of the tuned option, and ``value`` the value of this option.
+    The key ``setting`` contains the tuned setting in the format of the command-line option
+    ``--estimator``. The tuning makes a noise measure equal to that of the estimator
+    `rpem-forgetting` with λ = 0.995, and the key ``match`` names this measure. If ``match`` is
+    "excess", the noise measure is the excess prediction error; otherwise ``match`` is the name of
+    the parameter whose standard deviation was matched. The key ``ratio`` contains the matched noise
+    measure divided by that of `rpem-forgetting`, or the square root of this quotient if ``match``
+    is "excess". The key ``command`` contains the command that determined the setting. The keys
+    ``model``, ``identify``, ``period`` [s] and ``noise`` describe the tuning conditions. The model
+    ``"n1"`` is the nominal axis, and ``noise`` is the standard deviation of the noise in y [rad/s].
+    The program uses a tuned setting regardless of the noise level in y.
     """
     text = files("flexaxis.estimators").joinpath("tuned.toml").read_text(encoding="utf-8")
     return {table["estimator"]: table for table in tomllib.loads(text)["tuned"]}

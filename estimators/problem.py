@@ -117,7 +117,11 @@ class Problem:
         return None
 
     def factor(self, name: str, forgetting: float | None) -> float:
-        """Return the specified, tuned or default forgetting factor; warn if it is too small."""
+        """
+        Return the forgetting factor; warn if it is too small.
+
+        If ``forgetting`` is None, the method uses the tuned value, or else the default value.
+        """
         usual = self.tuned(name) if forgetting is None else forgetting
         weight = forgetting_factor(usual, self.period)
         rates = np.abs(moving_poles(self.model).real)
@@ -171,8 +175,8 @@ class Problem:
         if known is not None:
             return known
         raise EstimatorError(
-            f"P(0) is known only for {', '.join(PAPER)} of the nominal axis with a sampling period "
-            "of 5 ms; in all other cases, specify P0 or the torque of a nominal run"
+            f"P(0) is known only for the parameters {', '.join(PAPER)} of the nominal axis with a "
+            "sampling period of 5 ms; in all other cases, specify P0 or the torque of a nominal run"
         )
 
     def forgetting_options(self, name: str, forgetting: float | None) -> dict[str, Any]:
@@ -206,6 +210,6 @@ class Problem:
         if walk is None:
             walk = self.tuned(name) or usual
         above_zero("walk", walk, "the standard deviation of the random walk")
-        above_zero("spread", spread, "the initial relative standard deviation")
+        above_zero("spread", spread, "the initial standard deviation of θ relative to θ(0)")
         prior, drift = (spread * self.theta) ** 2, self.period * (walk * self.theta) ** 2
         return make_design(self.model, **self.asked, P0=prior, drift=drift, corrects=True)

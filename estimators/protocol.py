@@ -93,8 +93,8 @@ def run_estimator(
     Parameters
     ----------
     estimator : Estimator
-        Estimator that processes the samples. The call leaves the estimator in its state after the
-        last sample.
+        Estimator that processes the samples. The call changes the state of the estimator to that
+        after the last sample.
     u, y : (N,) array_like
         Motor torque and measured output.
     valid : (N,) array_like of bool, optional
@@ -156,7 +156,7 @@ def theta_of(
     if returned is not None and theta.size == len(names):
         return theta.reshape(-1)
     several = "nothing" if returned is None else f"{theta.size} number{'s'[: theta.size != 1]}"
-    told = f"step returned {several}, but there are {len(names)} names: {', '.join(names)}"
+    told = f"step returned {several}, but `names` contains {len(names)}: {', '.join(names)}"
     raise StepError(told + _place(estimator.step))
 
 

@@ -38,8 +38,8 @@ class Entry:
         accepts.
     default : float or None
         Default value of the tuning parameter for an axis without tuned values. The default value of
-        a forgetting factor applies to a sampling period of 5 ms; at any other period, the time
-        constant is the same.
+        a forgetting factor applies to a sampling period of 5 ms; at any other period, the factor is
+        adapted to keep its time constant.
     rank : float
         Sort key that determines the order of the estimators in lists and the assignment of plot
         colours.
@@ -65,12 +65,11 @@ class Entry:
         Function that constructs the estimator from nominal values, period and options.
 
         The signature is ``factory(nominal, period, *, identify, output, P0, torque, noise, bounds,
-        <options>)``. The argument ``nominal`` is either a mapping from the names of the three-mass
-        axis's physical parameters to their values, or a model with its own nominal values. The
-        nominal values determine θ(0). The argument ``P0`` is the initial matrix P(0); estimators
-        that have no P(0) ignore it. By default, `flexaxis.estimators.offline.priors.nominal_P`
-        computes P(0) from the argument ``torque``, which is the motor torque (N,) of a nominal
-        motion.
+        <options>)``. The argument ``nominal`` either maps the physical parameters of the three-mass
+        axis to their values, or is a model with its own nominal values. The nominal values
+        determine θ(0). The argument ``P0`` is the initial matrix P(0); estimators that have no P(0)
+        ignore it. By default, `flexaxis.estimators.offline.priors.nominal_P` computes P(0) from the
+        argument ``torque``, which is the motor torque (N,) of a nominal motion.
         """
         own = [*inspect.signature(self.make).parameters.values()][1:]
         every = inspect.signature(Problem).parameters
@@ -113,7 +112,7 @@ class _Unknown(EstimatorError, KeyError):
 
 
 class _Registry(Mapping[str, Entry]):
-    """Registry entries keyed by estimator name, sorted by rank; first access imports `methods`."""
+    """Entries keyed by estimator name, sorted by rank; the first access imports `methods`."""
 
     def __getitem__(self, name: str) -> Entry:
         if name not in _entries():

@@ -48,8 +48,9 @@ def counted_angle(model: Model) -> Model:
     Return a model whose output is the motor angle relative to the initial angle [rad].
 
     The output is the additional state ``angle_read``, which is the integral of the speed. A filter
-    that uses this model has to correct its state, because an integrator does not forget errors. An
-    encoder's rounding error is nearly white noise in the angle, but not in the angle increments.
+    that uses this model has to correct the state with the measured angle, because an integrator
+    does not forget errors. An encoder's rounding error is nearly white noise in the angle, but not
+    in the angle increments.
 
     Parameters
     ----------
@@ -194,5 +195,5 @@ def check_sample(u: float, y: float | None) -> None:
     for name, value in (("u", u), ("y", 0.0 if y is None else y)):
         if not isfinite(value):
             raise EstimatorError(
-                f"{name} is {value}, but every sample must be finite (y=None marks a gap)"
+                f"{name} is {value}, but every sample must be finite (for a gap, give y=None)"
             )

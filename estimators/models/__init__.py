@@ -5,6 +5,6 @@ to compute matrices, predictions and derivatives for any parameter values θ. `a
 shipped models and reads other models from tables. `model` and `laws` represent a model as data.
 `series` integrates a model over one sample, and `implicit_torque` and `law_torques` add the
 nonlinear torques. `discretisation` chooses the order of the power series for the state transition,
-which it can also compute with a matrix exponential. `memory` and `compiler` support the compilation
-of the filters.
+and can also compute the state transition with a matrix exponential. `memory` and `compiler` support
+the compilation of the filters.
 """

@@ -184,7 +184,7 @@ def real_axis(nominal: Mapping[str, float]) -> Model:
 
 def two_mass(nominal: Mapping[str, float]) -> Model:
     """
-    Return the model of a motor that drives a load through an elastic shaft without a gear.
+    Return the model of a gearless motor that drives a load through an elastic shaft.
 
     Parameters
     ----------
@@ -223,7 +223,7 @@ class Traits:
     Attributes
     ----------
     inertia : float
-        Total inertia of the axis, referred to the motor, under the assumption k_T = 1 [kg m²].
+        Total inertia of the axis [kg m²], referred to the motor, under the assumption k_T = 1.
     friction : float
         Assumed small value of the viscous friction [N m s/rad].
     resonance : float
@@ -262,7 +262,7 @@ def _one_mass_guess(seen: Traits) -> dict[str, float]:
 
 
 def _two_mass_guess(seen: Traits) -> dict[str, float]:
-    """Return parameters for two equal inertias J, resonance ω² = 2 k/J and a 2 % damping ratio."""
+    """Return parameters for two inertias J, a resonance at ω² = 2 k/J and a 2 % damping ratio."""
     stiffness = seen.resonance**2 * seen.inertia / 4
     return {
         "k_T": 1.0, "J_m": seen.inertia / 2, "J_l": seen.inertia / 2, "k": stiffness,
@@ -338,7 +338,7 @@ def model_from_tables(tables: Mapping[str, Any]) -> Model:
 
 
 def _checked(key: str, kind: Any, value: Any) -> Any:
-    """Convert a table to the type ``kind``, or raise EstimatorError if the table does not fit."""
+    """Convert a table to the type ``kind``, or raise EstimatorError if that is not possible."""
     from pydantic import TypeAdapter, ValidationError  # slow to import
 
     try:

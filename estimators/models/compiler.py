@@ -6,9 +6,9 @@ other decorators in `compiler` mark functions that numba compiles into their cal
 imports numba only when a function is compiled, because importing numba takes longer than everything
 else that is needed to list the estimators.
 
-Numba recompiles a cached function if the source file of the function changes, but not if the source
-file of a function that it calls changes. The name of the cache folder is therefore a digest of all
-source files and of the numba version, so any edit leads to a new cache folder.
+Numba recompiles a cached function if its own source file changes, but not if the source file of a
+function that it calls changes. The name of the cache folder is therefore a digest of all source
+files and of the numba version, so any edit leads to a new cache folder.
 """
 
 import gc
@@ -81,7 +81,7 @@ class Compiled:
 compiled = partial(Compiled, kept=True, _nrt=True)
 """Decorator for functions that Python calls and that numba compiles."""
 loop = partial(Compiled, kept=True)
-"""Decorator for functions that Python calls and that create no arrays."""
+"""Decorator like `compiled`, for functions that create no arrays."""
 inlined = Compiled
 """Decorator for functions that numba compiles into the calling functions."""
 fused = partial(Compiled, fastmath={"contract"})
@@ -94,10 +94,13 @@ summed = partial(Compiled, fastmath={"contract", "reassoc"})
 
 @contextmanager
 def _alone(name: str) -> Iterator[None]:
-    """Block other processes that need a function until the compiled function is cached."""
+    """Make other processes that need the same function wait until its compiled code is cached."""
     folder, collects = cache_folder(), gc.isenabled()
     if folder is None:
-        _tell("compiling filters in every process, because no cache folder is writable")
+        _tell(
+            "compiling filters in every process, because no cache folder is writable; "
+            "FLEXAXIS_COMPILED can name a writable folder"
+        )
     else:
         with suppress(FileExistsError):  # another process has begun and printed the message
             (folder / "begun").open("x").close()
@@ -142,9 +145,9 @@ def cache_folder() -> Path | None:
     """
     Create and return the cache folder for compiled code, or return None if it is not writable.
 
-    The environment variable ``FLEXAXIS_COMPILED`` or ``NUMBA_CACHE_DIR`` sets the parent folder of
-    the numba cache. If neither environment variable is set, the parent folder is a subfolder of the
-    user's cache folder.
+    The environment variable ``FLEXAXIS_COMPILED``, or else ``NUMBA_CACHE_DIR``, sets the parent
+    folder of the cache folder. If neither environment variable is set, the parent folder is a
+    subfolder of the user's cache folder.
     """
     given = os.environ.get("FLEXAXIS_COMPILED") or os.environ.get("NUMBA_CACHE_DIR")
     try:

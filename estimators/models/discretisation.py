@@ -15,13 +15,13 @@ LAW_TOLERANCE = 1e-9  # the same for the linear part of a model with laws; laws 
 LAW_RANGE = 2.0  # largest ratio between θ and its initial value for which LAW_TOLERANCE is
 # guaranteed
 LAW_STEPS = 4  # smallest number of steps per sample, which resolves the time of a friction reversal
-LAW_LONGEST = 1.25e-3  # s, longest step, as at 200 Hz: friction reversals are as fast at lower
-# rates
+LAW_LONGEST = 1.25e-3  # s, longest step, as with LAW_STEPS at 200 Hz: at lower sampling rates,
+# friction reversals are as fast
 LAW_STEP = 0.2  # longest step relative to 1/|pole| of the fastest mode: 1.3 ms on the paper's axis
 MAX_SIZE = 3.0  # largest norm of A·T in a substep; larger terms cancel and lose digits (e^3 = 20)
 MAX_ORDER = 40  # largest order: the number of rows of `flexaxis.estimators.models.series.SERIES`
-MAX_STEPS = 10_000  # largest number per sample: a mode of 30 000 radians per sample cannot be
-# observed
+MAX_STEPS = 10_000  # largest number of substeps per sample: a faster mode, of 30 000 radians per
+# sample, cannot be observed
 
 
 def plan(
@@ -38,12 +38,12 @@ def plan(
     The truncation error of the series is negligible for all parameters θ within their bounds. The
     function bounds each entry of |A(θ)| by evaluating every monomial at the worst combination of
     parameter bounds. These bounds form a nonnegative matrix. The Perron root ρ of this matrix is
-    the smallest matrix norm that any choice of units can achieve. If a sample is divided into s
-    substeps, the normalised substep length x = ρT/s therefore does not depend on the units. The
-    sensitivities have the largest truncation error. For the normalised substep length x, the
-    truncation error of the sensitivities after m terms is below Σ_{k>m} k·x^(k−1)/k! = Σ_{k≥m}
-    x^k/k!. For a chain of n integrators, a suitable choice of units makes the matrix norm
-    arbitrarily small, but the series is exact only after 2(n+1) terms.
+    the smallest matrix norm that any choice of units can achieve. With s substeps per sample, the
+    normalised substep length x = ρT/s therefore does not depend on the units. The sensitivities
+    have the largest truncation error. After m terms, this error is below Σ_{k>m} k·x^(k−1)/k! =
+    Σ_{k≥m} x^k/k!. For a chain of n integrators, a suitable choice of units makes the matrix norm
+    arbitrarily small, but the series is exact only after 2(n+1) terms. For a linear model, the
+    order is therefore at least 2(n+1), but at most `MAX_ORDER`.
 
     For a model with nonlinear torques, the tolerance of the series is larger, because the solution
     for the nonlinear torques is less accurate anyway. The accuracy of the series is guaranteed if

@@ -40,7 +40,7 @@ def multiply_out(entry: str) -> tuple[Monomial, ...]:
         terms = _expand(ast.parse(entry.strip().replace("^", "**"), mode="eval").body)
     except (SyntaxError, ValueError, TypeError, ArithmeticError):
         raise EstimatorError(
-            f"cannot read the entry {entry!r}; an entry can contain names, numbers, + - * /, "
+            f"cannot read the formula {entry!r}; a formula can contain names, numbers, + - * /, "
             "brackets and integer powers, and each divisor must be a single nonzero term"
         ) from None
     return tuple((c, powers) for c, powers in terms if c != 0)

@@ -2,12 +2,13 @@
 An implicit solution for nonlinear torques, which are treated as constant over a step.
 
 For constant torques F, the linear part of the model has the exact solution x⁺ = Φ x + Γ_u u + Γ_F F
-over a step of length h. Each torque law uses the mean of its driving variable at the start and at
-the end of the step. These means are w̄ = ½ D (x + x⁺), where D contains the coefficients of the
-driving variables. Therefore w̄ = c + G F(w̄) with c = ½ D (x + Φ x + Γ_u u) and G = ½ D Γ_F. The
-equations of all torque laws are solved simultaneously. The integration scheme is of second order
-and is stable for any friction stiffness. The exact derivatives w̄' of the mean driving variables
-follow from (I − G F_w) w̄' = c' + G' F + G (F_s s' + F_θ).
+over a step of length h. Each torque law uses the mean of the two values of its driving variable at
+the start and at the end of the step. These means are w̄ = ½ D (x + x⁺), where D contains the
+coefficients of the driving variables. Therefore w̄ = c + G F(w̄) with c = ½ D (x + Φ x + Γ_u u) and
+G = ½ D Γ_F. The equations of all torque laws are solved simultaneously. The integration scheme is
+of second order and is stable for any friction stiffness. The exact derivatives w̄' of the mean
+driving variables follow from (I − G F_w) w̄' = c' + G' F + G (F_s s' + F_θ), where a subscript of F
+denotes a derivative, and s contains the states and loads of the laws.
 """
 
 import numpy as np
@@ -19,9 +20,9 @@ from flexaxis.estimators.models.matrix_rows import add, add_slopes
 from flexaxis.estimators.models.parametrization import F_S, F_W, ROLE, S_S, S_W, F, S
 
 MOST_STEPS = 100  # largest number of steps of the search; two or three usually suffice
-TURNS = 6  # number of Newton steps after which torques that fall with their drive count as
-# constant: between two solutions the method does not converge, and each step doubles the rounding
-# error
+TURNS = 6  # number of Newton steps after which torques that fall with their driving variable count
+# as constant: otherwise the method would not converge between two solutions, and each step would
+# double the rounding error
 CLOSE = 1e-3  # size of a step relative to w̄ below which Newton's method may finish the search
 AWAY = 8.0  # largest ratio of successive Newton steps after the first TURNS. Of 60 000 steps with
 # steep bristles, 2 remain unsolved; with a limit of 1, 11 remain unsolved. Without a limit,
@@ -50,7 +51,7 @@ def half_drives(drive, X, u, w):
 
 @inlined
 def assign(laws, theta):
-    """Write the parameter values of all torque laws at θ to the field ``roles`` of each law."""
+    """For each torque law, write the parameter values at θ to the field ``roles``."""
     for i in range(len(laws)):
         law = laws[i]
         for r in range(MOST_ROLES):
@@ -69,7 +70,7 @@ def react(axis, h, u, X):
         Arrays of the model. The array ``laws`` (L,) contains the law parameters at θ. The array
         ``drive`` (L, n+1) contains the coefficients D of the n states and of the input in the
         driving variables of the laws. The array ``response`` (L, N, lanes) contains the change Γ_F
-        of each row of X that a constant unit torque causes over a step. The array ``coupling`` (L,
+        that a constant unit torque causes in each row of X over a step. The array ``coupling`` (L,
         L, lanes) contains the columns of G = ½ D Γ_F, the effect of the torques on the mean driving
         variables. The array ``lanes[0]`` (L, lanes) contains half the values of the driving
         variables before the step. The function writes the mean driving variables w̄ to ``lanes[1]``
@@ -200,7 +201,7 @@ def _search(laws, h, u, X, coupling, work, mean):  # noqa: PLR0917
 
 @inlined
 def _differences(laws, coupling, flat, work):
-    """Write [I − G F_w, I] to ``work``; ``flat`` omits the slopes that cause multiple solutions."""
+    """Write [I − G F_w, I] to ``work``; if ``flat``, omit slopes that cause multiple solutions."""
     L = len(laws)
     for i in range(L):
         for j in range(L):

@@ -16,12 +16,12 @@ bristle (coulomb, breakaway, stribeck, stiffness, damping, softness)
     1995).
 
 static (coulomb, breakaway, alpha, beta)
-    The static friction F = [f_c + f_s/cosh(α v)] tanh(β v) from *Nonlinear identification of a
+    The static friction law F = [f_c + f_s/cosh(α v)] tanh(β v) from *Nonlinear identification of a
     physically parameterized robot model* (Wernholt and Gunnarsson, 2006).
 
 spring (cubic, gap)
-    The difference F = d + κ d³ − x between a nonlinear and a linear spring of stiffness one, where
-    d is the part of the twist x outside the gap.
+    The torque F = d + κ d³ − x of a nonlinear spring minus that of a linear spring of stiffness
+    one, where d is the part of the twist x outside the gap.
 
 sinusoid (sine, cosine, poles)
     The torque F = a sin(N φ) + b cos(N φ), which is periodic in the angle φ. The sinusoidal torque
@@ -93,7 +93,7 @@ class Kind(NamedTuple):
     remembers : bool
         Whether the law has its own state variable.
     rubs : bool
-        Whether the law describes friction, so that its driving variable is a speed.
+        Whether the law describes friction; if so, its driving variable is a speed.
     loaded : bool
         Whether the torque depends on a load, which is the twist of a law ``spring`` in the same
         model.
@@ -253,7 +253,7 @@ class Law:
 
     @property
     def own(self) -> dict[str, str]:
-        """Names of the law's parameters, keyed by role, except those of the linear model."""
+        """Names of those law parameters that are not in the linear model, keyed by role."""
         return {
             role: name
             for role, name in self.parameters.items()

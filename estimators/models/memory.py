@@ -30,7 +30,8 @@ class Memory:
     ----------
     arrays : mapping of str to array
         Named arrays whose elements are float64, int64 or records of these types. If one array is
-        called ``now``, the `Memory` object can also be indexed with the field names of its records.
+        called ``now``, the `Memory` object can also be indexed with the field names of the records
+        in ``now``.
     times : int, optional
         Number of copies of the arrays; each copy is one row of ``block``. If ``times`` is given,
         each array has an additional first dimension.
@@ -121,7 +122,8 @@ def _view(dtype: np.dtype, dimensions: int) -> Callable:
             return (flat.reshape((a, b)),)
         return (flat.reshape((a, b, c)),)
 
-    # Numba links cached functions by name and argument types, regardless of the return type.
+    # Numba links cached functions by name and argument types, so the name has to contain the
+    # return type.
     view.__qualname__ = f"view_{dimensions}_{crc32(str(dtype).encode())}"
     return view
 

@@ -104,8 +104,8 @@ class Model:
         for name in self.parameters:
             if not np.isfinite(self.nominal.get(name, np.nan)):
                 raise EstimatorError(
-                    f"the model {self.name!r} needs a finite nominal value of {name!r}; the given "
-                    f"nominal values are: {', '.join(self.nominal) or 'none'}"
+                    f"the model {self.name!r} needs a finite nominal value of {name!r}; nominal "
+                    f"values are given for: {', '.join(self.nominal) or 'no parameter'}"
                 )
         self._check_signs()
         for row, column, (coefficient, powers) in self.monomials():
@@ -152,9 +152,9 @@ class Model:
 
         The first rows and columns of the block matrix belong to the states of the linear model. The
         rows and columns of the torque law states come after those of the linear model and are
-        empty. The torques of the laws also count as states, and their rows and columns come last
-        among those of the states. The matrix column of a torque contains the formulas in the law's
-        attribute ``acts``.
+        empty. The law torques also count as states, and their rows and columns are the last before
+        the output row and the input column. The matrix column of a torque contains the formulas in
+        the law's attribute ``acts``.
         """
         more = ["0"] * (sum(LAWS[law.kind].remembers for law in self.laws) + len(self.laws))
         rows = [[*row, *more, b] for row, b in zip(self.A, self.B, strict=True)]

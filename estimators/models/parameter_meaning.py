@@ -2,8 +2,8 @@
 The meaning of model parameters, derived from their position in the model equations.
 
 The functions in the module `parameter_meaning` do not use parameter names. For example, Coulomb
-friction is the parameter with the role ``coulomb`` in a friction law. Spring and damper parameters
-couple two states and are divided by an inertia.
+friction is the parameter with the role ``coulomb`` in a friction law. Springs and dampers are the
+parameters that couple two states and are divided by an inertia.
 """
 
 from collections.abc import Sequence
@@ -83,8 +83,8 @@ Largest allowed ratio between corresponding poles of a model and of the nominal 
 
 If the poles of a model and of the nominal axis differ by at most a factor of ``NEAR``, the model is
 treated as the nominal axis. The allowed ratio is large enough for models whose parameters are half
-or twice the true values. For comparison, the motor of the test axis "n2" coasts 11 times as long as
-the motor of the nominal axis "n1".
+or twice the true values. The test axis "n2" is not treated as the nominal axis "n1", because the
+motor of "n2" coasts 11 times as long.
 """
 STARTED = 4.0  # largest ratio between the initial estimate of a parameter and its nominal value
 SAME = 1e-9  # relative tolerance for the values of all other parameters

@@ -27,11 +27,11 @@ Record type of a nonlinear torque law.
 
 The field ``kind`` is the index of the law's kind in `KINDS`. The field ``memory`` is the index of
 the law's own state, or −1 for a law without a state. The field ``load`` is the index of the law
-that acts as the load, or −1 for a law without a load. The field ``force`` is the torque in the last
-step. The fields ``offset``, ``change`` and ``reach`` store intermediate results of the Newton
-search in `implicit_torque`. For each role, the field ``parameter`` is the index i of an identified
-parameter, and the field ``value`` is a factor that multiplies θ_i. If ``parameter`` is −1,
-``value`` is the parameter value itself. The field ``roles`` contains the values of the law's
+whose driving variable is the load, or −1 for a law without a load. The field ``force`` is the
+torque in the last step. The fields ``offset``, ``change`` and ``reach`` store intermediate results
+of the Newton search in `implicit_torque`. For each role, the field ``parameter`` is the index i of
+an identified parameter, and the field ``value`` is a factor that multiplies θ_i. If ``parameter``
+is −1, ``value`` is the parameter value itself. The field ``roles`` contains the values of the law's
 parameters at θ, and ``local`` contains the torque and its derivatives.
 """
 
@@ -96,7 +96,7 @@ class Parametrization:
     theta : (p,) array
         Nominal values of the identified parameters.
     n : int
-        Number of states, including the states and the torques of torque laws.
+        Number of states, including the torque laws' own states and the law torques.
     row, column : (t,) int arrays
         Row and column of each term in the (n+1, n+1) block matrix.
     coefficient : (t,) array
@@ -106,9 +106,8 @@ class Parametrization:
     reset : tuple of int
         Indices of the states that are set to zero at the start of every sample.
     laws, drive : (L,) records, (L, n+1) array
-        Nonlinear torque laws, as returned by `law_records`. The torques of the laws are the last
-        states of the block matrix. The linear part of the model treats the torques of the laws as
-        constant over a step.
+        Nonlinear torque laws, as returned by `law_records`. The law torques are the last elements
+        of the state vector, and the linear part of the model treats them as constant over a step.
     additive : tuple of bool
         For each θ_i, whether the parameter belongs to a torque law and can therefore be zero.
     """
@@ -127,12 +126,12 @@ class Parametrization:
 
     @property
     def forces(self) -> int:
-        """Number of torque laws, which is also the number of torques among the states."""
+        """Number of torque laws, which is also the number of law torques among the states."""
         return len(self.laws)
 
     @property
     def states(self) -> int:
-        """Number of states, including the states but not the torques of the torque laws."""
+        """Number of states, including the laws' own states but not the law torques."""
         return self.n - self.forces
 
     def relative(self, scale: ArrayLike) -> "Parametrization":

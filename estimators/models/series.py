@@ -1,10 +1,10 @@
 """
 Integration of a model and its derivatives over a sample by equations (17)–(24).
 
-The block matrix N = [A B; 0 0] T/s and the output row C represent a model, where T/s is the length
-of a substep. The matrices N and C are stored as tables of terms c Πθ^e. The powers of N are
-computed once for each sample. The powers of N determine the state transition and the derivative of
-the state transition with respect to each entry of N:
+A model is represented by the output row C and the block matrix N = [A B; 0 0] T/s, where T/s is the
+length of a substep. The matrices N and C are stored as tables of terms c Πθ^e. The powers of N are
+computed once for each sample. The powers of N determine the transition matrix Φ of the vector ξ =
+[x; u] and the derivative of Φ with respect to each entry N_rc, where e_r is a unit vector:
 
     Φ(θ) = Σ_k N^k/k!                                            transition of [x; u], (20)
 
@@ -14,8 +14,8 @@ the state transition with respect to each entry of N:
 
     ψ_i = C z_i + ∂C/∂θ_i x⁺                                     gradient, (16), (24)
 
-Each row of X (n+1, lanes) contains a state and its derivatives. The last row of X contains the
-output and the derivatives of the output. The derivatives are taken with respect to each θ_i and, in
+Each of the first n rows of X (n+1, lanes) contains a state and its derivatives. The last row of X
+contains the output and its derivatives. The derivatives are taken with respect to each θ_i and, in
 Kalman filters, with respect to the state at the start of the sample. The last states are the
 nonlinear torques, which the linear part of the model treats as constant. The module
 `flexaxis.estimators.models.discretisation` computes the state transition with a matrix exponential
@@ -39,10 +39,10 @@ SIZES = np.dtype(
 """
 Record type for the dimensions of a model.
 
-The fields ``n`` and ``held`` are the numbers of states with and without nonlinear torques. The
-fields ``order``, ``parts`` and ``steps`` are the series order, the number of substeps per step and
-the number of steps per sample. The field ``output`` is the index of the first term of C in the
-table of terms, and ``h`` is the step length [s].
+The field ``n`` is the number of states including the nonlinear torques, and ``held`` is the number
+of states excluding them. The fields ``order``, ``parts`` and ``steps`` are the series order, the
+number of substeps per step and the number of steps per sample. The field ``output`` is the index of
+the first term of C in the table of terms, and ``h`` is the step length [s].
 """
 ENTRY = np.dtype(
     [(name, int) for name in ("row", "column", "first", "last")]

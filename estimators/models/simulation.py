@@ -1,4 +1,4 @@
-"""Simulation of a model and its sensitivities at fixed parameters, by the code of the filters."""
+"""Simulation of a model and its sensitivities at fixed parameters, with the code of the filters."""
 
 from typing import NamedTuple
 
@@ -34,7 +34,7 @@ def simulation(
     further: int = 0,
 ) -> Memory:
     """
-    Return the memory to simulate a model and its derivatives, starting from rest.
+    Return the memory for simulating a model and its derivatives from rest.
 
     Parameters
     ----------
@@ -47,8 +47,8 @@ def simulation(
         Number of steps per sample for a model with nonlinear torques; by default, the number that
         the filters use.
     further : int
-        Number of further derivatives besides the derivatives with respect to θ. The further
-        derivatives are, for example, derivatives with respect to the initial state.
+        Number of derivatives besides those with respect to θ, for example derivatives with respect
+        to the initial state.
     """
     theta = np.asarray(theta, float)
     theta = np.where((theta == 0) & ~np.array(model.additive), LEAST, theta)

@@ -38,7 +38,8 @@ class Sampled(NamedTuple):
     output : (n+1,) array
         Row of coefficients that maps the states to the output y.
     pull : (n+1,) array
-        Row of coefficients that maps the states to the acceleration, multiplied by T.
+        Row of coefficients that maps the states to the acceleration of the friction contact,
+        multiplied by T.
     speed : int
         Index of the state that is the speed of the friction contact.
     level : float
@@ -61,7 +62,7 @@ def is_dry(model: Parametrization, period: float) -> bool:
 
     The model represents Coulomb friction as a bristle law with a Coulomb friction torque, a
     stiffness and no other parameters. The natural frequency (σ₀/J)^½ [rad/s] of the bristles must
-    be so high that the vibration is not visible at the sampling period [s].
+    be so high that their vibration is not visible at the sampling period [s].
     """
     if model.laws["kind"].tolist() != [BRISTLE]:
         return False

@@ -90,7 +90,7 @@ def line_spectrum(u: ArrayLike, *, period: float) -> tuple[Array, Array]:
     Return the frequencies ω (M,) [rad/s] and mean squares (M,) of all DFT lines of a signal.
 
     The sum of the mean squares of all DFT lines is the mean square of the signal. If the signal is
-    periodic, the record should contain whole periods of the steady state.
+    periodic, the record should contain a whole number of periods in steady state.
 
     Parameters
     ----------

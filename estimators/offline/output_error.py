@@ -135,12 +135,12 @@ def _result(names: tuple[str, ...], scale: Array, search: OptimizeResult) -> Ide
     deviations = np.sqrt(variance) / singular
     correlation = float(residual[1:] @ residual[:-1] / (residual @ residual))
     problems = [
-        f"the estimate of {name} is at a limit of the search range"
+        f"the estimate of {name} is at a limit of the search range, 0.1 or 10 times the start value"
         for name, side in zip(names, search.active_mask, strict=True)
         if side
     ]
     if search.status == 0:
-        problems.append(f"the search did not converge in {search.nfev} evaluations")
+        problems.append(f"the search did not converge in {search.nfev} model evaluations")
     if abs(correlation) > max(COLOURED, 4 / np.sqrt(len(residual))):
         problems.append(
             f"successive residuals have the correlation {correlation:.2f}, so the residuals are "
@@ -152,7 +152,7 @@ def _result(names: tuple[str, ...], scale: Array, search: OptimizeResult) -> Ide
         parts = [f"{n} {x:+.1f} %" for n, x in zip(names, share, strict=True) if abs(x) > 0.1]
         problems.append(
             f"a combined change of {', '.join(parts)} hardly affects the output; fix one of these "
-            "parameters"
+            "parameters at its nominal value"
         )
     return Identified(
         names=names,

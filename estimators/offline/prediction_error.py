@@ -25,11 +25,14 @@ Flags = NDArray[np.bool_]
 
 HIGHEST_ORDER = 60  # highest order of the noise model
 FASTEST = 4 * np.pi  # radians per sample: a log cannot represent an axis with such a fast pole
-ROUNDS, EVALUATIONS = 40, 25  # limits; one round may reduce an error by only one third
+ROUNDS, EVALUATIONS = (
+    40,
+    25,
+)  # limits per fit and round; a round may reduce an error by only 1/3
 CONVERGED = 0.05  # distance to the minimum at which a fit ends, in standard deviations
 TURNS = 1.0  # the same distance for the last round, because noise models may alternate
 ROUGH = 5.0  # the same distance if a kink of friction prevents any reduction of the misfit
-SAME = 1e-5  # relative change of the parameters in a round of the noise model that does not matter
+SAME = 1e-5  # largest relative parameter change in a round that counts as no change
 CAREFUL, BOLD, STIFFEST = 1e-3, 1e-8, 1e3  # damping of the first step, and its limits
 FORGOTTEN = 1e-2  # fraction of the effect of an initial state below which it counts as forgotten
 EXACT = 1e-10  # relative step size below which rounding prevents further progress
@@ -153,7 +156,7 @@ class Problem:
     lower, upper : (q,) arrays
         Lower and upper bounds of z.
     held : (q,) array of bool
-        For each unknown in z, whether the fit holds it constant, as it does for a known delay.
+        Mask that is True for the unknowns in z that the fit holds constant, such as a known delay.
     """
 
     trajectory: Trajectory
@@ -212,7 +215,7 @@ class Problem:
         self, z: Array, *, rounds: int = 0, most: int = EVALUATIONS, near: float = CONVERGED
     ) -> Fitted:
         """
-        Fit the unknowns for white noise first, then alternately the noise model and the unknowns.
+        Fit the unknowns as for white noise, then alternately fit the noise model and the unknowns.
 
         Parameters
         ----------

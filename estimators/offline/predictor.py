@@ -38,7 +38,7 @@ def predict(
     """
     Return the prediction ŷ (N,) and its gradient ψ (N, p) for an axis that starts at rest.
 
-    The prediction follows equations (15)–(23). The prediction is exact for a linear model if the
+    Equations (15)–(23) define the prediction. The prediction is exact for a linear model if the
     torque is constant over each sample. For a model with nonlinear torques,
     `flexaxis.estimators.models.implicit_torque` solves the equations numerically.
 
@@ -48,7 +48,7 @@ def predict(
     theta : (p,) array_like
         Identified parameters.
     u : (N,) array_like
-        Torque, where u[k] is constant between t_k and t_{k+1} and first acts on ŷ[k+1].
+        Torque; u[k] is the constant torque between t_k and t_{k+1}, and first acts on ŷ[k+1].
     period : float
         Sampling period T [s].
 

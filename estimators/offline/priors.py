@@ -7,7 +7,7 @@ estimation error evolves on average as θ̃ ← (I − P Q) θ̃ + P ψ e, where
 noise of variance σ². In steady state, P fulfils equation (29) or (30), so P, the tracking speed and
 the noise of the estimates depend only on Q. The theory comes from *Adaptation and tracking in
 system identification – a survey* (Ljung and Gunnarsson, 1990). The theory applies to slow
-adaptation, with time constants that are much longer than the time constants of the axis.
+adaptation, with time constants that are much longer than those of the axis.
 """
 
 import pickle
@@ -36,7 +36,7 @@ P_FORGETTING = {"k_T": 2.97e-4, "1/J_a": 5.19e-5, "f_m": 4.69e-6}  # multiplied 
 P_DRIFT = {"k_T": 5.6e-5, "1/J_a": 7.7e-5, "f_m": 7.1e-5}  # for Δ of eq. (32)
 DRIFT = {"k_T": 5e-8, "1/J_a": 50e-8, "f_m": 500e-8}  # eq. (32)
 RELATIVE_DRIFT = 3.2e-6  # geometric mean of Δ_ii/θ_i² in (32)
-# s, time constants T/√(Δ_ii Q_ii) for Δ of (32) and Q of the nominal run; geometric mean
+# s, time constants T/√(Δ_ii Q_ii) for Δ of (32) and Q of the nominal run, and their geometric mean
 FOLLOWS = {"k_T": 4.5, "1/J_a": 0.68, "f_m": 0.056}
 FOLLOWS_MEAN = 0.56
 PERIOD = 0.005  # T [s] for which these values are valid, on the nominal axis
@@ -54,7 +54,7 @@ def nominal_P(
     Compute the diagonal of P(0) by the recipe in section 5.2 of Östring and Gunnarsson.
 
     The recipe updates P with the gradient ψ at the nominal parameters. The returned diagonal of
-    P(0) is the mean of the diagonal of P over the second half of the record, after the transient.
+    P(0) is that of P, averaged over the second half of the record, after the transient.
 
     Parameters
     ----------
@@ -131,9 +131,9 @@ def default_drift(
     The estimate of θ_i then tracks parameter changes with the time constant τ_i, regardless of the
     units. If the poles of the model are similar to those of the nominal axis, the τ_i are the time
     constants that equation (32) implies for the nominal axis. For any other model, all τ_i equal
-    the geometric mean of the time constants for the nominal axis. If no torque is given, Δ_ii comes
-    from equation (32) for the nominal axis, and is proportional to θ_i² for any other axis. With or
-    without a torque, the default Δ is proportional to the squared sampling period T².
+    the geometric mean of the time constants for the nominal axis. If no torque is given, equation
+    (32) provides Δ_ii for the nominal axis; for any other axis, Δ_ii is proportional to θ_i². With
+    or without a torque, the default Δ is proportional to the squared sampling period T².
 
     Parameters
     ----------
@@ -265,15 +265,14 @@ def drift_for(
     By default, Δ is diagonal with Δ_ii = 1/(τ_i² Q_ii), where τ_i is the time constant in samples.
     The diagonal Δ gives exactly the desired time constants if the parameter gradients are
     uncorrelated, because then P_ii Q_ii = 1/τ_i. If the parameter gradients are correlated, the
-    estimates slow each other down. The option ``coupled`` accounts for correlated gradients with Δ
-    = D Q⁻¹ D, where D = diag(1/τ_i). The coupled Δ gives exactly the desired time constants if they
-    are all equal.
+    estimates slow each other down. If ``coupled`` is True, Δ = D Q⁻¹ D with D = diag(1/τ_i), which
+    accounts for correlated gradients. The coupled Δ gives exactly the desired time constants if
+    they are all equal.
 
     Parameters
     ----------
     time_constants : (p,) array_like
-        Desired time constants τ_i [s], which must be much longer than the time constants of the
-        axis.
+        Desired time constants [s], which must be much longer than those of the axis.
     Q : (p, p) array_like
         Matrix Q = E ψψᵀ of the gradient ψ at the nominal parameters.
     period : float
@@ -312,8 +311,8 @@ def tracking_error(P: ArrayLike, Q: ArrayLike, times: ArrayLike, *, period: floa
     Returns
     -------
     (M, p, p) array
-        Mean estimation errors. Element (m, i, j) is the error of parameter i at time m due to an
-        initial unit error of parameter j.
+        Mean estimation errors. Element (m, i, j) is the error of parameter i at ``times[m]`` due to
+        an initial unit error of parameter j.
     """
     rate = np.asarray(P, float) @ np.asarray(Q, float) / period
     from scipy.linalg import expm

@@ -83,12 +83,13 @@ def refuse_zero(thought: Prior) -> None:
         if not scale:
             raise EstimatorError(
                 f"the nominal value of {name} is 0, so the scale of {name} is unknown; give the "
-                f"expected magnitude of {name}, or remove {name} from identify and track"
+                f"expected magnitude of {name} as its nominal value, or remove {name} from "
+                "identify and track"
             )
 
 
 def known_better(model: Model, thought: Prior, deviations: Mapping[str, float]) -> Prior:
-    """Return the prior with some parameters' standard deviations taken from ``deviations``."""
+    """Return the prior, with standard deviations replaced by those given in ``deviations``."""
     if not isinstance(deviations, Mapping):
         raise EstimatorError(
             f"deviations is {deviations!r}; give a mapping from parameter names to standard "

@@ -31,7 +31,7 @@ TOLD = 0.2  # relative standard deviation of a parameter known from a data sheet
 DAMPING = 0.3  # relative standard deviation of a damping parameter, which is rarely measured
 FIRM = 0.1  # relative standard deviation of masses and springs, which are computed in the design
 INTEGRATES = 1e-9  # largest |pole| of an integrator, relative to that of the fastest mode
-BOX = (0.1, 10.0)  # bounds of all these parameters, as multiples of the start
+BOX = (0.1, 10.0)  # bounds of linear-model parameters, as multiples of their initial values
 
 
 @dataclass(frozen=True)
@@ -44,10 +44,10 @@ class Sizes:
     drive : float
         Rms value of the law's driving variable, which is a speed, a twist, an angle or a torque.
     force : float
-        Torque of the law that would accelerate the axis as much as the rms motor torque does.
+        Law torque that would accelerate the axis as much as the rms motor torque does.
     rate : float
         Rms value of the driving variable's derivative, divided by the rms value of the variable
-        itself. The attribute ``rate`` is at least the rate of the fastest mode of the model [1/s].
+        itself [1/s]. The attribute ``rate`` is at least the rate of the fastest mode of the model.
     """
 
     drive: float
@@ -94,7 +94,7 @@ def measured(model: Model, torque: ArrayLike | None, period: float) -> list[tupl
         return [(law, _stored(model, law)) for law in model.laws]
     u = as_torque(torque)
     if not np.all(np.isfinite(u)) or not u.any():
-        raise EstimatorError("the torque must be finite and must move the axis")
+        raise EstimatorError("the torque must be finite, and must not be zero throughout")
     A, B, _ = matrices(model)
     x = _driven(model, u, period)
     changes = A @ x + np.outer(B, u)
@@ -145,7 +145,7 @@ def state_sizes(model: Model, torque: ArrayLike | None, period: float) -> Array:
 
 def _force(model: Model, acts: Array) -> float:
     """
-    Return the magnitude of a law's torque that has the same effect as a unit input.
+    Return how large a law's torque must be to have the same effect as a unit input.
 
     The function compares the effects on a state on which both the law and the input act. If the law
     and the input act on no common state, as for load friction, the function compares the effects on
@@ -320,8 +320,7 @@ def prior(
         The same options as in `with_laws`.
     told : sequence of str
         Names of torque law parameters with known values. The standard deviation of a known value is
-        `TOLD` times the value, but at most the standard deviation that the parameter has if its
-        value is unknown.
+        `TOLD` times the value, but at most the standard deviation of an unknown value.
     spread : float
         Prior standard deviation of the tracked parameters of the linear model, relative to θ(0).
     """
@@ -361,7 +360,7 @@ def _guess(role: str, law: Law, sizes: Sizes) -> Array:
     if not known.size:  # a data-sheet value, such as a number of poles
         raise EstimatorError(
             f"the parameter {law.parameters[role]!r} of a torque law {law.kind!r} cannot be "
-            "estimated, because it has no prior; give its nominal value"
+            "estimated, because this parameter has no prior; give its nominal value"
         )
     unit = {
         "1": 1.0,

@@ -152,7 +152,7 @@ class Trajectory:
                 change = self._simulated(moved)[0] - y
                 for i in rows:
                     slopes[i] = change / (moved[i] - z[i])
-        if free[-1] and z[-1]:  # a held torque has a kink at whole samples
+        if free[-1] and z[-1]:  # with a held torque, ŷ has a kink at delays of whole samples
             moved = np.r_[z[:-1], z[-1] - size[-1]]
             slopes[-1] = (slopes[-1] + (y - self._simulated(moved)[0]) / (z[-1] - moved[-1])) / 2
         for place, (begin, end) in zip(self.states, self._ends(), strict=True):

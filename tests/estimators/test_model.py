@@ -21,7 +21,7 @@ def test_formula_is_multiplied_out():
      "1/0", "a/0", "a/(b-b)", "0^-1", "(0*a)^-2", "a*10.0^400"],
 )  # fmt: skip
 def test_formula_that_is_none(entry):
-    with pytest.raises(EstimatorError, match="cannot read the entry"):
+    with pytest.raises(EstimatorError, match="cannot read the formula"):
         multiply_out(entry)
 
 
