@@ -56,9 +56,9 @@ class Told(NamedTuple):
         Estimate given the nominal values of the current group, and column of P that belongs to the
         current parameter.
     drawn_P, drawn_between : (u, u) arrays
-        Weighted mean of the covariances of the filter's estimate and of the conditional estimate,
-        and the covariance due to the difference between the two estimates. The sum of ``drawn_P``
-        and ``drawn_between`` is the covariance of ``drawn``.
+        Weighted mean of the covariances of two estimates (the filter's estimate and the conditional
+        estimate), and the covariance due to the difference between these two estimates. The sum of
+        ``drawn_P`` and ``drawn_between`` is the covariance of ``drawn``.
     P : (u, u) array
         Covariance of the estimate given the nominal values of the current group.
     """

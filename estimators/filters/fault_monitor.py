@@ -55,7 +55,7 @@ KEPT = (
 
 @inlined
 def is_stuck(state, y, prediction, variance):
-    """Return whether the sensor is stuck; ``variance`` is that of y − ŷ, or NaN if unknown."""
+    """Return whether the sensor is stuck, given the ``variance`` of y − ŷ (NaN if unknown)."""
     rails = state["rails"]
     if y < rails[0]:  # the sensor can read a lower value, so this is not the end of the range
         rails[0] = np.nan

@@ -79,7 +79,7 @@ def mode(modes, j):
 
 @inlined
 def mixture(now, X):
-    """Return the mean and variance of the output predicted by all modes, without sensor noise."""
+    """Return the mean of the output over all modes, and its variance without sensor noise."""
     mean, spread = 0.0, 0.0
     for j in range(len(now)):
         mean += now[j]["predicted"] * X[j, -1, 0]

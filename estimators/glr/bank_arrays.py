@@ -47,8 +47,8 @@ class Timing:
     first : int
         Number of samples of the initialisation, or 0 if the structure of the axis is known.
     review : int
-        Time after the onset of a jump during which another parameter can replace the detected
-        parameter.
+        Time span after the onset of a jump during which another parameter can still replace the
+        detected parameter.
     memory : int
         Averaging time of the model misfit κ.
     """

@@ -6,11 +6,11 @@ accurate only for small jumps. Therefore only the parameters with the most proba
 candidates, each with its most probable onset. For each candidate jump, a second filter starts from
 the state stored at the onset, applies the jump, and processes all later samples again. Each pass of
 the second filter yields one Gauss–Newton step of the jump size; the number of steps is at most
-`PASSES`. The comparison ranks the candidate jumps by the sum of their normalised squared
-innovations e²/S and by their prior probabilities. Until one candidate jump is clearly the most
-probable, the estimate is the mean over all hypotheses. After the estimator has accepted a candidate
-jump, the comparison with rival jumps is repeated a few times. A jump of another parameter can still
-replace the accepted jump.
+`PASSES`. The comparison ranks the candidate jumps by their evidence, which combines the sum of the
+normalised squared innovations e²/S with the prior probability. Until one candidate jump is clearly
+the most probable, the estimate is the mean over all hypotheses. After the estimator has accepted a
+candidate jump, the comparison with rival jumps is repeated a few times. A jump of another parameter
+can still replace the accepted jump.
 """
 
 from collections.abc import Sequence

@@ -2,8 +2,9 @@
 The initialisation, which learns the structure of an axis from the first seconds of motion.
 
 The filter first processes the initialisation samples in the same way as all other samples.
-Parameters that the initialisation samples hardly excite are then fixed at their nominal values. The
-filter then processes the initialisation samples repeatedly, as long as the likelihood increases.
+Parameters that the initialisation samples hardly excite are then fixed at their nominal values.
+After that, the filter processes the initialisation samples repeatedly, as long as the likelihood
+increases.
 
 Each pass over the initialisation samples starts from the latest estimates. The initial information
 matrix of a pass is P(0)⁻¹ + D. The additional information D is one tenth of the information matrix
@@ -49,7 +50,7 @@ class FirstSeconds:
         self._next: Array | None = None  # initial θ of the next pass, if one is due
 
     def begin(self) -> dict[str, str]:
-        """Fix the parameters that the data hardly excite; return the reason for each of them."""
+        """Fix the parameters that the data hardly excite; return the reason for each fixed one."""
         work, bank, p = self._work, self._work.bank, self._work.p
         theta, P = work.states["theta"][0], work.states["P"][0]
         variance, told = np.diag(P)[:p], work.told

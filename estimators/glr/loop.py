@@ -1,4 +1,4 @@
-"""The loop of the estimator glr, which filters new samples and filters old samples again."""
+"""The sample loop of the estimator glr, which filters new samples and re-filters old samples."""
 
 import numpy as np
 

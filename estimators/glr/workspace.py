@@ -105,7 +105,7 @@ class Workspace:
         return theta * scale, P * np.outer(scale, scale)
 
     def _between(self) -> Array:
-        """Return the part of the covariance of θ that is due to uncertain jumps and jump sizes."""
+        """Return the part of θ's covariance that is due to uncertain jumps and jump sizes."""
         bank = self.bank
         likely = np.flatnonzero(bank["weight"] > 1e-9)
         D, fields = bank["D"][: self.p, likely], ("weight", "size", "J", "precision")

@@ -7,8 +7,8 @@ the normalised squared residual. The normalised squared residual s is limited to
 variance R̂ in the formula for s does not include the current sample. The increment of the
 cumulative sum g is the log-likelihood ratio for a fourfold increase of the residual variance, as in
 *Continuous inspection schemes* (Page, 1954). When the cumulative sum g exceeds the alarm level, P
-is set to the covariance of an unknown parameter change, and g is set to zero. Chapter 3 of
-*Adaptive Filtering and Change Detection* (Gustafsson, 2000) describes CUSUM tests.
+is set to the assumed covariance of a parameter change, and g is set to zero. Chapter 3 of *Adaptive
+Filtering and Change Detection* (Gustafsson, 2000) describes CUSUM tests.
 
 The variable-factor rule computes the forgetting factor λ = σ_q σ_v/|σ_e − σ_v| from the residual;
 the option ``forgetting`` is the upper limit of λ. The filter therefore forgets faster while the

@@ -84,8 +84,8 @@ class Rpem(CompiledFilter):
         Standard deviation of the noise in y, in the unit of y. By default, the filter estimates the
         noise from the residual.
     forgetting : float, optional
-        Forgetting factor λ per sample in equation (9), in the interval (0, 1]. If neither
-        ``forgetting`` nor ``drift`` is given, λ is 1 − T/(1 s), which corresponds to a time
+        Forgetting factor λ of equation (9) per sample, which is greater than 0 and at most 1. If
+        neither ``forgetting`` nor ``drift`` is given, λ is 1 − T/(1 s), which corresponds to a time
         constant of 1 s.
     drift : (p,) or (p, p) array_like, optional
         Covariance Δ that equation (10) adds to P in every sample, or the diagonal of Δ.
@@ -212,9 +212,9 @@ class Rpem(CompiledFilter):
 
         Let k₀ be the first sample with the new parameters. Call this method after sample k₀ − 1,
         the last sample with the old parameters. The output y[k₀] still depends only on the old
-        parameters, and the torque from t_k₀ on acts on the axis with the new parameters. The method
-        keeps the state of the axis but sets the sensitivities of the state to zero, because the
-        state does not yet depend on the new θ.
+        parameters, whereas the torque from t_k₀ onwards acts on the axis with the new parameters.
+        The method keeps the state of the axis but sets the sensitivities of the state to zero,
+        because the state does not yet depend on the new θ.
 
         Parameters
         ----------

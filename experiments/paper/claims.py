@@ -26,7 +26,8 @@ def nearest_half_of_P(ratios: pd.Series) -> bool:
     """Return whether the measured variances are closer to σ²P/2 than to σ²P or σ²P/4.
 
     The argument `ratios` contains the measured standard deviations divided by √(σ²P/2). The
-    standard deviations for σ²P and σ²P/4 differ from √(σ²P/2) by a factor of √2.
+    standard deviations for σ²P and σ²P/4 differ from √(σ²P/2) by a factor of √2, so the geometric
+    mean of `ratios` must differ from one by a factor of less than 2^¼.
     """
     return bool(abs(np.log2(ratios).mean()) < 0.25)
 
@@ -57,7 +58,7 @@ CONDITIONS: Mapping[str, Callable[[pd.Series], Any]] = {
 def holds(name: str, measured: pd.Series) -> bool:
     """Return whether the measured values satisfy the limits and the condition of a claim.
 
-    A claim without an additional condition must have at least one measured value.
+    Without an additional condition, a claim holds only if it has at least one measured value.
     """
     limits = CLAIMS[name].get("between", [-np.inf, np.inf])
     condition = CONDITIONS.get(name, len)

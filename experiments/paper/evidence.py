@@ -86,7 +86,7 @@ class Evidence:
         Index of the first sample with the fault. All scenarios with a fault have the same onset
         time.
     model : Parametrization
-        Model of the nominal axis, which depends on the identified parameters.
+        Model of the nominal axis as a function of the identified parameters.
     theta : ndarray (p,)
         Nominal values of the identified parameters.
     adaptations : dict of str to dict
@@ -219,8 +219,8 @@ class Evidence:
     def identified(self, names: Sequence[str], start: float, record: int = 0) -> Identified:
         """Identify parameters off-line from a record of 60 s.
 
-        The argument `start` is the ratio of all initial parameter values to their nominal values,
-        and `record` is the index of the record.
+        The search starts at `start` times the nominal parameter values. The argument `record` is
+        the index of the record.
         """
         theta = start * self.axis.parametrize(names).theta
         measured = signals(self.records("long")[record])

@@ -30,7 +30,7 @@ def fig3(e: Measures) -> Figure:
         {"amplitude [N m]": [Series(x=omega, y=amplitude, role="data", label="torque")]},
         x=FREQUENCY,
         limits={"amplitude [N m]": (0, 0.2)},
-        marks=[(peak, "peak of the paper") for peak in PEAKS],
+        marks=[(peak, "peak in the paper") for peak in PEAKS],
         spans=[(0.0, 70.0, f"{e.low_energy():.1f} % of the energy")],
     )
 
@@ -59,7 +59,7 @@ def fig5(e: Measures) -> Figure:
 
 
 def estimates(method: str, e: Measures) -> Figure:
-    """Draw the parameter estimates over time; all methods have the same axis limits."""
+    """Draw the parameter estimates over time, with the same axis limits for all methods."""
     time, theta = e.scenario.times[::STRIDE], e.runs(method).theta[:, ::STRIDE]
     panels = {}
     for name, columns in zip(e.names, theta.T, strict=True):

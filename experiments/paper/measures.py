@@ -158,7 +158,7 @@ class Measures(Evidence):
         return worst(ratios)
 
     def offline_error(self) -> Array:
-        """Return the largest off-line error of each parameter in all runs [% of nominal value]."""
+        """For each parameter, return the largest off-line error of all runs [% of nominal]."""
         return 100 * np.max([np.abs(run.theta / self.theta - 1) for run in self.offline], axis=0)
 
     def offline_deviations(self) -> Array:
@@ -166,7 +166,7 @@ class Measures(Evidence):
         return np.abs([(r.theta - self.theta) / r.standard_deviations for r in self.offline])
 
     def worst_deviations(self) -> Array:
-        """Return the largest normalised off-line estimation error of each parameter in all runs."""
+        """For each parameter, return the largest normalised off-line error of all runs."""
         return self.offline_deviations().max(axis=0)
 
     def rms_deviation(self) -> Any:
@@ -186,7 +186,7 @@ class Measures(Evidence):
     def far_starts(self) -> ByName:
         """Return the residual correlation after each search that starts far from nominal values.
 
-        If the search does not warn of a local minimum, the function returns 0 instead.
+        If a search does not warn of a local minimum, its value in the result is 0 instead.
         """
         runs = {f"{start:g}×": self.identified(self.names, start) for start in (0.5, 0.7, 2.0)}
         return {
@@ -250,7 +250,7 @@ class Measures(Evidence):
         return self.settled(errors.transpose(2, 0, 1), level)
 
     def mean_P(self, method: str) -> Array:
-        """Return the diagonal of P, averaged over the second half of all runs, as an array (p,)."""
+        """Return the diagonal (p,) of P, averaged over the second halves of all runs."""
         P = self.runs(method).P
         return P[:, P.shape[1] // 2 :].mean(axis=(0, 1))
 

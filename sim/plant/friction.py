@@ -37,9 +37,9 @@ def install() -> None:
         ours, present = _compiled().ctypes, mujoco.get_mjcb_passive()
         if present is not None and present is not ours:
             raise SimulationError(
-                "MuJoCo already has another passive callback, and a process can have only one. "
-                "Remove the other callback with mujoco.set_mjcb_passive(None), or simulate "
-                "friction laws in a separate process.",
+                "MuJoCo already has another callback for passive forces, and a process can have "
+                "only one. Remove the other callback with mujoco.set_mjcb_passive(None), or "
+                "simulate friction laws in a separate process.",
                 run=0, time=0.0, reason="passive callback in use",
             )  # fmt: skip
         mujoco.set_mjcb_passive(ours)
