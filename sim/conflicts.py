@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from flexaxis.sim.scenario import Scenario
 
 Problem = tuple[str, str]
-"""Problem in a scenario: the dotted key, such as ``fault[0].at``, and the error message."""
+"""Type of a scenario problem: a dotted key, such as ``fault[0].at``, and an error message."""
 
 OF_THE_GEAR = ("backlash", "stiffening", "gear_friction", "load_friction")
 """Names of the scenario tables that require a model with a gear spring."""
@@ -130,7 +130,8 @@ def conflicts(scenario: Scenario) -> Iterator[Problem]:
             yield f"identify[{i}]", text
     yield from _known_problems(scenario)
     if scenario.controller.rate and scenario.feedback == "measured":
-        yield "controller.rate", 'an inner loop reads the true angle: use feedback = "clean"'
+        text = 'an inner control loop cannot read the measured angle: set feedback = "clean"'
+        yield "controller.rate", text
     for table in ("fault", "nuisance"):
         for i, change in enumerate(getattr(scenario, table) or ()):
             for key, text in _change_problems(change, scenario):
@@ -142,7 +143,7 @@ def _rate_problems(scenario: Scenario) -> Iterator[Problem]:
     """Report each key whose value is incompatible with the sampling period."""
     period, controller, delay = scenario.period, scenario.controller, scenario.delay
     if abs(period / TICK - round(period / TICK)) >= 1e-6:
-        words = f"the sampling period must be a multiple of 1 ms, not {1000 * period:g} ms"
+        words = f"needs a sampling period that is a multiple of 1 ms, not {1000 * period:g} ms"
         for key, value in (("controller.rate", controller.rate), ("delay.torque", delay.torque)):
             if value:
                 yield key, words
@@ -191,7 +192,7 @@ def estimated_problems(
     scenario : Scenario
         Scenario whose parameters are estimated.
     key : str
-        Key of the scenario that contains `names`; each message begins with this key.
+        Scenario key whose value is `names`; each returned problem refers to this key.
     besides : sequence of str
         Names of parameters that are allowed in addition to the axis parameters and their inverses.
     """
@@ -206,9 +207,9 @@ def estimated_problems(
         elif parameter in MAY_BE_ZERO and scenario.parameters.get(parameter) == 0:
             yield (
                 place,
-                f"{name!r} cannot be estimated while parameters.{parameter} is 0, because its "
-                "error is given in % of the nominal value: use a value above 0, or do not estimate "
-                "it",
+                f"{name!r} cannot be estimated while parameters.{parameter} is 0, because the "
+                "estimation error is given in % of this value: use a value above 0, or do not "
+                f"estimate {name!r}",
             )
         seen.setdefault(parameter, name)
 
@@ -220,7 +221,8 @@ def _law_problem(name: str, scenario: Scenario) -> str | None:
     if having and not tables:
         return f"the plant has no parameter {name}: add the table {' or '.join(having)}"
     if len(tables) > 1:
-        return f"{name} is ambiguous, because {' and '.join(tables)} define it: keep only one"
+        both = " and ".join(tables)
+        return f"{name} is ambiguous, because the tables {both} define it: keep only one of them"
     return None
 
 
@@ -233,7 +235,7 @@ def _known_problems(scenario: Scenario) -> Iterator[Problem]:
         if name not in known:
             yield key, unknown("parameter", name, known)
         elif name in names and name in estimated:
-            yield key, f"the parameter {name} is estimated: set its initial value with `start`"
+            yield key, f"{name} is estimated: remove this key, and set the initial value by `start`"
         elif name not in scenario.laws and (text := _law_problem(name, scenario)):
             yield key, text
 
@@ -296,7 +298,7 @@ def _pause_problems(scenario: Scenario) -> Iterator[Problem]:
         if begin >= duration:
             yield (
                 f"excitation.pause[{i}]",
-                f"the pause from {begin:g} s begins after the end of the run at {duration:g} s",
+                f"the pause begins at {begin:g} s, after the end of the run at {duration:g} s",
             )
     times = [time for pause in pauses for time in pause]
     for fault in scenario.fault:
@@ -309,7 +311,7 @@ def _pause_problems(scenario: Scenario) -> Iterator[Problem]:
     if spread > most:
         yield (
             "onset_spread",
-            f"onset_spread must be at most {max(most, 0):g} s, not {spread:g}: all changes, which "
-            f"lie from {min(times):g} to {max(times):g} s, must remain within the run of "
-            f"{duration:g} s",
+            f"onset_spread must be at most {max(most, 0):g} s, not {spread:g}: all changes (from "
+            f"{min(times):g} to {max(times):g} s) must remain within the run of {duration:g} s "
+            "when they are shifted",
         )

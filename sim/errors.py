@@ -41,7 +41,7 @@ class SimulationError(FlexaxisError):
     run : int
         Index of the failed run in the batch.
     time : float
-        Simulated time at the end of the failed step [s].
+        Simulated time at the end of the simulation step that failed [s].
     reason : str
         Cause of the failure, such as a warning from the physics engine.
     """

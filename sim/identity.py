@@ -39,7 +39,7 @@ Streams = Annotated[str, AfterValidator(_a_key)]
 
 
 def content_hash(resolved: Mapping[str, Any]) -> str:
-    """Return the SHA-256 of a scenario without its name and description (64 hex digits).
+    """Return the SHA-256 of all scenario content except name and description (64 hex digits).
 
     Old scenarios do not have the keys `streams`, `period` and `model`. Therefore the hash excludes
     `streams` if it is "content", `period` if it is 5 ms, and `model` if it is "three_mass". The
@@ -78,8 +78,9 @@ def _seen(resolved: Mapping[str, Any]) -> dict[str, Any]:
 def _told_apart(resolved: Mapping[str, Any]) -> dict[str, Any]:
     """Return the keys and values of a scenario that can affect its hashes.
 
-    The dictionary omits `period` if it has its default value, and likewise `model`. The dictionary
-    contains the digest of the model's MJCF file if this file differs from the published version.
+    The dictionary omits each of the keys `period` and `model` if it has its default value. The
+    dictionary contains the digest of the model's MJCF file if this file differs from the published
+    version.
     """
     usual, model = {"period": PERIOD, "model": DEFAULT}, resolved["model"]
     content = {key: value for key, value in resolved.items() if usual.get(key) != value}

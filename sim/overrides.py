@@ -1,4 +1,4 @@
-"""Override keys such as ``fault[0].factor`` of a scenario, and append the changes to its name."""
+"""Override scenario keys such as ``fault[0].factor``, and append a suffix to the scenario name."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def _keys(content: Any, key: str = "") -> list[str]:
 
 
 def suffix(changes: Mapping[str, Any]) -> str:
-    """Return the suffix of a scenario name that lists all overridden keys and their values.
+    """Return the scenario-name suffix that lists all overridden keys and their values.
 
     Examples
     --------

@@ -40,7 +40,9 @@ def nominal_numbers(model: str) -> Mapping[str, float]:
     def number(owner: ElementTree.Element, path: str, key: str) -> float:
         element = owner.find(path)
         if element is None or not (text := element.get(key)):
-            raise ParameterError(f"model {model}: {owner.get('name')} has no {key} in the MJCF.")
+            raise ParameterError(
+                f"model {model}: {owner.get('name')} has no {key} in the MJCF file."
+            )
         # the third inertia is the inertia about the z axis
         return float(text.split()[2 * (key == "diaginertia")])
 
@@ -78,7 +80,7 @@ PARAMETER_UNITS = {
     for model in MODEL_NAMES
     for name in parameter_names(model)
 }
-"""Units of the parameters of all models, keyed by name; the three-mass model comes first."""
+"""Units of all model parameters, keyed by parameter; three-mass parameters come first."""
 
 DEFAULT_IDENTIFY = ("k_T", "1/J_a", "f_m")
 """Names of the parameters that are estimated by default and in Östring and Gunnarsson's paper."""
@@ -146,7 +148,7 @@ tables of a scenario define a parameter with the same name, the first table dete
 """
 
 FIXED = {"gap": "backlash", "kappa": "stiffening"}
-"""Scenario table of each nonlinear parameter that cannot change in a run, keyed by parameter."""
+"""Scenario tables of the nonlinear parameters that cannot change in a run, keyed by parameter."""
 
 
 def parameter_problem(name: str, value: float) -> str | None:
@@ -178,11 +180,11 @@ class AxisParameters(Frozen):
     Parameters
     ----------
     values : mapping of str to float
-        Values of all parameters of a model, keyed by name in any order. The torque constant is k_T,
-        the moments of inertia are J, and the gear ratio (gear angle over motor angle) is r. The
-        spring constants of the couplings are k, and their damping coefficients are d. The viscous
-        friction coefficients of the bodies are f. The function `nominal_numbers` explains the
-        parameter names.
+        Values of all parameters of a model, keyed by parameter name, in any order. The torque
+        constant is k_T, the moments of inertia are J, and the gear ratio (gear angle over motor
+        angle) is r. The spring constants of the couplings are k, and their damping coefficients are
+        d. The viscous friction coefficients of the bodies are f. The function `nominal_numbers`
+        explains the parameter names.
     **more : float
         Parameter values as keyword arguments, which override those in the argument `values`.
 

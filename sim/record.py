@@ -237,7 +237,7 @@ def _fields(file: xarray.Dataset) -> dict[str, Any]:
     for name in ("time", "torque"):
         if name not in file.variables:
             present = ", ".join(map(str, file.variables)) or "none"
-            raise RecordError(f"the variable {name!r} is missing; the file has {present}.")
+            raise RecordError(f"the variable {name!r} is missing; the file contains: {present}.")
     content = {name: file[name].values for name in (*SIGNALS, "valid") if name in file.variables}
     if "true_parameters" in file.variables:
         content |= _parameters(file)
@@ -256,9 +256,9 @@ def _parameters(file: xarray.Dataset) -> dict[str, Any]:
     order = [*parameter_names(model or DEFAULT), *(name for name in LAW_NAMES if name in names)]
     if sorted(names) != sorted(order):
         raise RecordError(
-            "the variable 'parameter' must contain all parameter names of a model, such as "
-            f"{', '.join(PARAMETER_NAMES)}, and can also contain {', '.join(LAW_NAMES)}; the "
-            f"variable contains {names}."
+            "the variable 'parameter' must contain all parameter names of one plant model (for "
+            f"{DEFAULT}: {', '.join(PARAMETER_NAMES)}), and can also contain "
+            f"{', '.join(LAW_NAMES)}; the variable contains {names}."
         )
     values = file["true_parameters"].values[:, [names.index(name) for name in order]]
     return {"true_parameters": values, "parameter_names": tuple(order)}
@@ -303,6 +303,6 @@ def _check_grid(time: Array) -> None:
         k = int(np.argmax(uneven))
         raise RecordError(
             f"time is not evenly spaced: samples {k} and {k + 1} are {steps[k]:.6g} s apart, but "
-            f"most samples are {np.median(steps):.6g} s apart. Resample the signals, or set "
-            "valid = False at missing samples."
+            f"most samples are {np.median(steps):.6g} s apart. Resample the signals, or insert "
+            "the missing samples with valid = False."
         )

@@ -102,8 +102,8 @@ class Scenario(Config):
     filter, friction, lugre, cogging, backlash, stiffening, saturation : Config, optional
         Tables of sensor, gear and drive effects that the linear model does not describe.
     onset_spread : float, optional
-        Largest size of the random time shift, which is the same for all faults and pauses [s]. The
-        time shift depends on the seed (see `drawn`).
+        Largest absolute value of the random time shift [s]. The time shift is the same for all
+        faults and pauses of a run, and depends on the seed (see `drawn`).
     nuisance : tuple of Fault, optional
         Parameter changes that are not regarded as faults. An alarm due to such a change is a false
         alarm.
@@ -180,8 +180,9 @@ class Scenario(Config):
     def tables(self) -> dict[str, Any]:
         """Tables of the axis, the control loop and the sensors in this scenario, keyed by name.
 
-        The attribute `exact` of a table states whether the linear model still describes the logged
-        signals exactly. The method `in_words` of a table returns a description of its effect.
+        The attribute `exact` of a table states whether the linear model describes the logged
+        signals exactly despite the effect of the table. The method `in_words` of a table returns a
+        description of its effect.
         """
         return {k: v for k, v in self if isinstance(v, Config) and k != "excitation"}
 
@@ -262,7 +263,7 @@ class Scenario(Config):
 
     @cached_property
     def hash(self) -> str:
-        """SHA-256 of the scenario content without the name and the description (64 hex digits)."""
+        """SHA-256 of all scenario content except name and description (64 hex digits)."""
         return identity.content_hash(self.resolved())
 
     @cached_property

@@ -32,7 +32,7 @@ def atomic(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Yield a temporary path; at the end of the context, move the temporary file to `path`.
 
     The temporary file is in a hidden folder next to `path`. If an exception occurs in the context,
-    an existing file remains unchanged and the exception propagates.
+    an existing file at `path` remains unchanged and the exception propagates.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def read_text(path: Path, refuse: Refusal) -> str:
 
 
 def toml_tables(text: str, *, source: str, refuse: Refusal) -> dict[str, Any]:
-    """Parse TOML text; error messages begin with `source`, the name of the text."""
+    """Parse TOML text; error messages begin with `source`, such as a file path."""
     try:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:
@@ -98,7 +98,7 @@ def toml_tables(text: str, *, source: str, refuse: Refusal) -> dict[str, Any]:
 
 
 def json_value(text: str | bytes, *, source: str, refuse: Refusal) -> Any:
-    """Parse JSON text; error messages begin with `source`, the name of the text."""
+    """Parse JSON text; error messages begin with `source`, such as a file path."""
     try:
         return json.loads(text)
     except (ValueError, RecursionError) as error:

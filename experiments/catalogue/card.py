@@ -1,4 +1,4 @@
-"""Describe a scenario in words: its purpose, its faults and its defined scores."""
+"""Describe a scenario in words: its purpose, its faults and the parameters that are scored."""
 
 import inspect
 import re

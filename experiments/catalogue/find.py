@@ -52,9 +52,9 @@ Line = dict[str, str]
 class Suite:
     """A suite defines the scenarios, the estimators and the number of seeds of a benchmark.
 
-    The field `scenarios` contains scenario names. If `select` has created the suite, the field
-    contains Scenario objects. A benchmark also tunes the estimators in `swept_estimators` to equal
-    noise, and compares these estimators on the scenarios in `swept_scenarios`.
+    The field `scenarios` contains scenario names, or Scenario objects if `select` has created the
+    suite. A benchmark also tunes the estimators in `swept_estimators` to equal noise, and compares
+    these estimators on the scenarios in `swept_scenarios`.
     """
 
     name: str
@@ -264,7 +264,7 @@ def _with(find: str, lines: list[Line]) -> list[Line]:
 
 
 def suites(find: str = "") -> list[Line]:
-    """Return the name and the description (card) of each suite in which the text `find` occurs."""
+    """Return the name and description (card) of each suite that contains the text `find`."""
     lines = [{"name": n, "card": _tables(f"suites/{n}.toml")["card"]} for n in suite_names()]
     return _with(find, lines)
 

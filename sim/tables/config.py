@@ -33,7 +33,7 @@ LARGEST = 1e9
 """Upper limit of scenario values in SI units; a larger value is probably in the wrong unit."""
 
 Word = Annotated[str, Field(pattern=r"^[^\s/\\\p{Cc}\p{Cf}]+$")]
-"""Type of a name without blanks, slashes and control characters, which can be a file name."""
+"""Type of a name that can also be a file name: no blanks, slashes or control characters."""
 
 Positive = Annotated[float, Field(gt=0, le=LARGEST)]
 NotNegative = Annotated[float, Field(ge=0, le=LARGEST)]

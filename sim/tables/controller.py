@@ -52,7 +52,9 @@ class ControllerConfig(Config):
     @model_validator(mode="after")
     def _one_rate(self) -> ControllerConfig:
         if self.adapt and self.rate:
-            raise ValueError("`adapt` does not work with an inner loop: remove `rate` or `adapt`")
+            raise ValueError(
+                "`adapt` does not work with an inner control loop: remove `rate` or `adapt`"
+            )
         return self
 
     @field_validator("log")

@@ -53,7 +53,7 @@ Point = Annotated[
     Field(strict=False),  # arrays in TOML become tuples
 ]
 A_SAMPLE = "a sample at least"
-"""Annotation of times that must be at least one sample, as rounding can make shorter times zero."""
+"""Annotation of times that must be at least one sample; rounding can set shorter times to 0."""
 
 Span = Annotated[Positive, A_SAMPLE]
 
@@ -89,7 +89,7 @@ class Step(Config):
         return np.where(grid.k >= grid.index(self.at), self.factor, 1.0)
 
     def onsets(self, grid: Grid) -> list[tuple[int, int]]:
-        """Return, for each change, the indices of the first changed and first settled samples."""
+        """Return the sample indices at which each change begins and at which it is complete."""
         return [(grid.index(self.at), grid.index(self.at))]
 
     def in_words(self) -> str:
@@ -126,7 +126,7 @@ class Ramp(Config):
         return 1.0 + done * (self.factor - 1.0)
 
     def onsets(self, grid: Grid) -> list[tuple[int, int]]:
-        """Return, for each change, the indices of the first changed and first settled samples."""
+        """Return the sample indices at which each change begins and at which it is complete."""
         first = grid.index(self.at)
         return [(first, first + grid.index(self.over))]
 
@@ -165,7 +165,7 @@ class Thermal(Config):
         return 1.0 + np.where(k < 0, 0.0, 1.0 - left) * (self.factor - 1.0)
 
     def onsets(self, grid: Grid) -> list[tuple[int, int]]:
-        """Return, for each change, the indices of the first changed and first settled samples."""
+        """Return the sample indices at which each change begins and at which it is complete."""
         first = grid.index(self.at)
         return [(first, first + grid.index(40 * self.time_constant))]  # e⁻⁴⁰ is round-off
 
@@ -205,7 +205,7 @@ class Intermittent(Config):
         return np.where(self._faulty(grid, grid.k), self.factor, 1.0)
 
     def onsets(self, grid: Grid) -> list[tuple[int, int]]:
-        """Return, for each jump, the indices of the first changed and first settled samples."""
+        """Return each jump as a pair of equal sample indices, because a jump takes no time."""
         switched = self._faulty(grid, grid.k) != self._faulty(grid, grid.k - 1)
         return [(int(index), int(index)) for index in grid.k[switched]]
 
@@ -263,7 +263,7 @@ class Profile(Config):
         return 1.0 + np.interp(grid.k, index, share) * (self.factor - 1.0)
 
     def onsets(self, grid: Grid) -> list[tuple[int, int]]:
-        """Return, for each segment, the indices of the first changed and first settled samples."""
+        """Return the sample indices at which each change begins and at which it is complete."""
         index, share = self._knots(grid)
         lines = zip(pairwise(index), pairwise(share), strict=True)
         return [(first + 1, last) for (first, last), (old, new) in lines

@@ -32,7 +32,7 @@ class AdaptConfig(Config):
     Attributes
     ----------
     friction, inertia, torque : bool
-        Whether the feed-forward contains each of its three terms. The term `friction` adds the
+        Whether the feed-forward contains the term of the same name. The term `friction` adds the
         friction torque at the desired speed. The term `inertia` adds the torque for the desired
         acceleration. The term `torque` divides the torque command by the estimated torque constant.
     smooth : float

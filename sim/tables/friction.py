@@ -23,7 +23,7 @@ MARK: float = struct.unpack("=d", b"flexaxis")[0]
 """First number of each row of friction parameters, which identifies the row in a MuJoCo model."""
 
 WIDTH = 12
-"""Length of a row, which contains a mark, the index of a friction law and up to ten parameters."""
+"""Length of a row of friction parameters: a mark, a friction-law index and up to ten values."""
 
 Row = Sequence[float]
 
@@ -33,7 +33,7 @@ class _CompiledLaw(Nonlinearity):
 
     substeps: ClassVar[int] = 20  # the speed can change sign within 1 ms; the error is 6e-5
     parameters: ClassVar[tuple[str, ...]]
-    """Keys of the scenario table whose values a record contains as parameters."""
+    """Scenario-table keys whose values a record contains as parameters."""
 
     def build(self, spec: Any) -> None:
         """Add the friction law to a MuJoCo model specification (`MjSpec`)."""
@@ -187,7 +187,7 @@ class StaticFrictionConfig(_CompiledLaw):
 
     @staticmethod
     def torque(row: Row, speed: float, load: float, motor: float) -> float:
-        """Return the friction torque that opposes the motion [N m], with the sign of `speed`."""
+        """Return the friction torque [N m], which is positive if it opposes a positive `speed`."""
         peak = row[3] / math.cosh(row[4] * speed)
         return (row[2] + peak) * math.tanh(row[5] * speed)
 
@@ -221,7 +221,7 @@ class LoadFrictionConfig(_CompiledLaw):
 
     @staticmethod
     def torque(row: Row, speed: float, load: float, motor: float) -> float:
-        """Return the friction torque that opposes the motion [N m], with the sign of `speed`."""
+        """Return the friction torque [N m], which is positive if it opposes a positive `speed`."""
         return (row[2] + row[3] * abs(load)) * math.tanh(speed / row[4])
 
     def in_words(self) -> str:
@@ -275,7 +275,7 @@ class GearFrictionConfig(_CompiledLaw):
 
     @staticmethod
     def torque(row: Row, speed: float, load: float, motor: float) -> float:
-        """Return the friction torque that opposes the motion [N m], with the sign of `speed`."""
+        """Return the friction torque [N m], which is positive if it opposes a positive `speed`."""
         fast = row[2] + abs(row[5] * load - row[4] * motor)
         slow = row[3] + abs(row[7] * load - row[6] * motor)
         left = math.exp(-(abs(speed / row[8]) ** row[9]))
@@ -293,4 +293,4 @@ COMPILED_LAWS: tuple[Any, ...] = (
     LoadFrictionConfig,
     GearFrictionConfig,
 )
-"""Classes of all compiled friction laws; a row of friction parameters contains a class index."""
+"""Compiled friction laws; a row of friction parameters contains an index into this tuple."""

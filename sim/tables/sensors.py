@@ -136,8 +136,8 @@ class EncoderConfig(Config):
     def _counts_and_not_bits(cls, counts: int) -> int:
         if 0 < counts < 64:
             raise ValueError(
-                f"{counts} counts per revolution are too few for control; {counts} bits are "
-                f"{2**counts} counts"
+                f"{counts} counts per revolution are too few for control; if you meant {counts} "
+                f"bits, give {2**counts} counts"
             )
         return counts
 
@@ -233,7 +233,7 @@ def _late(samples: int) -> Stage:
 
 
 def _added(noise: Array) -> Stage:
-    """Return a function that adds `noise`, an array (N, R), to a signal, sample by sample."""
+    """Return a function that adds the array `noise` (N, R) to a signal, sample by sample."""
     done = 0
 
     def stage(values: Array) -> Array:

@@ -65,7 +65,7 @@ CASES = [
     ("output = 'arm'", "output: must be 'speed', 'increment' or 'angle', not 'arm'", ""),
     ("noise.speed = -0.1", "noise.speed: must be greater than or equal to 0, not -0.1", ""),
     ("encoder.counts = 16", "encoder.counts: 16 counts per revolution are too few",
-     "16 bits are 65536 counts"),
+     "if you meant 16 bits, give 65536 counts"),
     ("identify = ['k_T', '1/k_T']", "identify[1]: '1/k_T' repeats 'k_T': name each parameter once",
      ""),
     (FAULT.replace("10.0", "20.0"),
@@ -97,21 +97,21 @@ CASES = [
     ("excitation = { kind = 'multisine', pause = [[5, 4]] }",
      "excitation.pause: each pause must end after its start", ""),
     ("excitation = { kind = 'multisine', pause = [[25, 30]] }",
-     "excitation.pause[0]: the pause from 25 s begins after the end of the run", ""),
+     "excitation.pause[0]: the pause begins at 25 s, after the end of the run", ""),
     ("period = 0.02", "period: the sampling period must be between 0.001 and 0.01 s, not 0.02", ""),
     ("period = 0.003", "period: one second must be a multiple of the sampling period: use "
      "0.003003 s (333 Hz), not 0.003", ""),
-    ("period = 0.0025\ndelay.torque = 0.001", "delay.torque: the sampling period must be a "
+    ("period = 0.0025\ndelay.torque = 0.001", "delay.torque: needs a sampling period that is a "
      "multiple of 1 ms, not 2.5 ms", ""),
     ("period = 0.01\ncontroller.Kv = 0.5", "controller.Kv: the control loop with the "
      "nominal axis is unstable for Kv = 0.5 and a sampling period of 10",
      "Lower controller.Kv, or check controller.Kp, controller.Ki and the delays"),
     ("delay.torque = 0.0015", "delay.torque: the torque delay must be a multiple of 0.001 s", ""),
     ("controller.log = 'mean'", "controller.log: `log` needs an inner control loop: set ", ""),
-    ("feedback = 'measured'\ncontroller.rate = 1000", "controller.rate: an inner loop reads the "
-     "true angle", ""),
-    ("known.J_a = 1.1", "known.J_a: the parameter J_a is estimated: set its initial value with "
-     "`start`", ""),
+    ("feedback = 'measured'\ncontroller.rate = 1000", "controller.rate: an inner control loop "
+     "cannot read the measured angle", ""),
+    ("known.J_a = 1.1", "known.J_a: J_a is estimated: remove this key, and set the "
+     "initial value by `start`", ""),
     ("known.Jg = 1.1", "known.Jg: unknown parameter 'Jg'; ", " Did you mean 'J_g'?"),
     (FAULT.replace("fault", "nuisance").replace("10.0", "20.0"),
      "nuisance[0].at: the onset at 20 s must be before the end of the run at 20 s", ""),
@@ -126,10 +126,11 @@ CASES = [
      "identify[1]: 'f_c' repeats 'f_c': name each parameter once", ""),
     ("friction.coulomb = 0.1\nidentify = ['1/f_c']", "identify[0]: unknown parameter '1/f_c';", ""),
     ("friction.coulomb = 0.1\nload_friction = { f_c = 0.05, load = 0.1 }\nidentify = ['f_c']",
-     "identify[0]: f_c is ambiguous, because friction and load_friction define it: keep ", ""),
+     "identify[0]: f_c is ambiguous, because the tables friction and load_friction define it", ""),
     # a value of 0 that makes a percentage or an inverse infinite
     ("identify = ['f_m', '1/d_g']\nparameters.d_g = 0.0",
-     "identify[1]: '1/d_g' cannot be estimated while parameters.d_g is 0, because its error is",
+     "identify[1]: '1/d_g' cannot be estimated while parameters.d_g is 0, because the "
+     "estimation error is given in % of this value",
      ""),
     *((f"identify = ['1/f_m']\n{fault}",
        "fault[0].factor: a factor of 0 is not allowed, because 1/f_m is estimated and would "
