@@ -53,6 +53,7 @@ ESTIMATOR = (
     "Name of an estimator from `flexaxis list estimators`, optionally with settings, such as "
     "ekf[walk=0.1]"
 )
+SEEDS = "Random seeds, given as N (N seeds from 1000 onwards) or as A:B (the seeds A to B-1)"
 OWN = "For your own estimator, give file.py:Class, module:Class or pipe:COMMAND."
 
 OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
@@ -101,14 +102,13 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
                             "each of the two estimators.", SEVERAL),
     "--base E": "Reference estimator for the comparison, such as old.py:Mine.",
     "--candidate E": "Estimator to compare with the base estimator, such as new.py:Mine.",
-    "--seeds N|A:B": "Random seeds: N for N seeds from 1000 onwards, or A:B for the seeds A to B-1 "
-    "(default: as many seeds as the suite specifies, or 8 seeds for single scenarios). Use the "
-    "seeds 0 to 99 for tuning, and the seeds 1000 to 4999 for results.",
-    "compare: --seeds N|A:B": "Random seeds: N for N seeds from 1000 onwards, or A:B for the seeds "
-    "A to B-1 (default: as many seeds as the suite specifies; 32 seeds for single scenarios; for "
-    "two finished runs, all seeds that both runs contain).",
-    "tune: --seeds N|A:B": "Random seeds: N for N seeds from 1000 onwards, or A:B for the seeds A "
-    "to B-1 (default: 0:16).",
+    "--seeds N|A:B": f"{SEEDS}. By default, the command uses as many seeds as the suite specifies, "
+    "or 8 seeds for single scenarios. Use the seeds 0 to 99 for tuning, and the seeds 1000 to 4999 "
+    "for results.",
+    "compare: --seeds N|A:B": f"{SEEDS}. By default, the command uses as many seeds as the suite "
+    "specifies, or 32 seeds for single scenarios. For two finished runs, the default is all seeds "
+    "that both runs contain.",
+    "tune: --seeds N|A:B": f"{SEEDS} (default: 0:16).",
     "--sample N": ("Repeat only N runs, evenly spaced in the list of runs (default: repeat all "
                    "runs).", ZERO),
     "--seed N": ("Random seed (default: 0). Simulations of a scenario with the same seed are "
@@ -117,7 +117,8 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
                        "lesson gives, else 0).", WHOLE),
     # how to run
     "--jobs N": ("Number of worker processes (default: one process per processor core, "
-                 "%(default)s on this computer). The number does not affect the results.",
+                 "%(default)s on this computer). The number of processes does not affect the "
+                 "results.",
                  {"type": int, "default": os.cpu_count() or 1}),
     "--dask ADDRESS": "Address of a Dask scheduler, which distributes the runs over a cluster "
     "(default: use only this computer).",
@@ -185,9 +186,9 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
         "separate the names with commas (1/J_l,k) or repeat the option.",
         {"required": True, **LISTED},
     ),
-    "--covariate NAME": ("Name of a log column, such as a temperature, that can explain "
-                         "differences between the logs in a folder (default: no column). Repeat "
-                         "the option for several columns.", SEVERAL),
+    "--covariate NAME": ("Name of a log column, such as temp, whose values can explain differences "
+                         "between the logs in a folder (default: no column). Repeat the option for "
+                         "several columns.", SEVERAL),
     "--false-alarms P": ("Probability that the report on a folder of logs shows a change although "
                          "no parameter changed (default: 0.01).",
                          {"type": float, "default": 0.01}),
@@ -204,13 +205,13 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "compare: -o DIR": "Output folder for the scores, verdict and report (default: "
     "results/compare).",
     "tune: -o DIR": "Output folder for the scores and the figure (default: results/tune).",
-    "simulate: -o FILE": "Output file (default: SCENARIO-SEED.nc for a record, or "
-    "SCENARIO-SEED.csv for a log).",
-    "estimate: -o FILE": "Output file for the estimates (default: RECORD-estimates.nc).",
-    "import: -o REC.nc": "Output file for the record (default: LOG-imported.nc).",
-    "identify: -o AXIS.toml": "Output file: the identified axis (default: LOG-axis.toml) or, for a "
-    "folder of logs, the table of estimates (default: FOLDER-estimates.csv).",
-    "track: -o EST.nc": "Output file for the estimates (default: LOG-track.nc).",
+    "simulate: -o FILE": "Output file for the record or the log (default: the file "
+    "SCENARIO-SEED.nc, or SCENARIO-SEED.csv for a log).",
+    "estimate: -o FILE": "Output file for the estimates (default: the file RECORD-estimates.nc).",
+    "import: -o REC.nc": "Output file for the record (default: the file LOG-imported.nc).",
+    "identify: -o AXIS.toml": "Output file for the identified axis or, for a folder of logs, "
+    "for the estimates (default: the file LOG-axis.toml or FOLDER-estimates.csv).",
+    "track: -o EST.nc": "Output file for the estimates (default: the file LOG-track.nc).",
     "paper: -o DIR": "Output folder for the figures and claims (default: results/paper).",
     **LOG_OPTIONS,
 }  # fmt: skip
@@ -218,7 +219,7 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
 
 Each key contains the name and the metavar of an option. Each value is the help text of the option,
 or a tuple of the help text and keyword arguments of `add_argument`. An option without a metavar is
-a flag. A key with a prefix, such as "track: ", applies only to the command in the prefix, and takes
+a flag. A key with a prefix, such as `track:`, applies only to the command in the prefix, and takes
 precedence over the key without the prefix. Each help text contains the unit and the default value.
 """
 

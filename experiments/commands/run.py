@@ -105,11 +105,10 @@ def _results(args: Args, results: Any) -> int:
 
     whole, lines = args.shard == (1, 1), results.problems
     missing, path = results.missing * whole, results.folder / (REPORT * whole)
-    if missing:
-        lines += [
-            f"{missing} cases are missing, because no shard contains them: run the missing shards, "
-            "and merge all shards again"
-        ]
+    lines += [
+        f"{missing} cases are missing, because no shard contains them: run the missing shards, "
+        "and merge all shards again"
+    ] * bool(missing)
     crashed = results.failures["error"].str.startswith("EstimatorCrash").any()
     status = 70 if crashed else int(bool(lines))
     content, text = {"rows": results.pooled()}, results

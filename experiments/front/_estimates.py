@@ -236,7 +236,8 @@ def score(
     Raises
     ------
     RecordError
-        If the record contains no true parameter values. Only simulated records contain them.
+        If the record contains no true parameter values. Only simulated records contain
+        true values.
 
     Notes
     -----

@@ -46,7 +46,7 @@ class LogResult:
         Exit status of the corresponding command, which is 1 if the command reports a finding, such
         as a changed parameter.
     record : Record or None
-        The record that the function read from the log, or None for a folder of logs.
+        The record that was read from the log, or None for a folder of logs.
     axis : Axis or None
         The identified axis. The method ``axis.save`` writes an axis file, which `flexaxis track`
         can read.

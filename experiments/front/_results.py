@@ -141,8 +141,8 @@ def benchmark(
     scenarios : str, Path, Scenario, or several of them
         Names of scenarios or suites, paths of TOML files, or `Scenario` objects.
     seeds : int, str or iterable of int
-        Number of random seeds from 1000 onwards, a range of seeds such as ``"0:20"``, or a list of
-        seeds (default: the number of seeds that the suite specifies).
+        Number of random seeds (the first is 1000), a range of seeds such as ``"0:20"``, or a list
+        of seeds (default: the number of seeds that the suite specifies).
     folder : str or Path, optional
         Folder for the result files. If you specify a folder, the function also compares the
         estimators of a suite at equal noise. Without a folder, the results stay in memory.
@@ -272,7 +272,7 @@ def compare(
         Results folders of two finished runs. If you pass folders, the function compares the stored
         scores, and runs no estimator.
     max_seeds : int
-        While the verdict is undecided, the function adds seeds up to this total (0: adds no seeds).
+        Maximum number of seeds. While the verdict is undecided, seeds are added (0: add no seeds).
     match_std : bool
         If true, tune both estimators to the same noise, and compare only the lag. The noise measure
         is the standard deviation of the estimate of the changed parameter. If several parameters

@@ -111,7 +111,7 @@ def records(scenario: Scenario, seeds: Sequence[int], cache: RecordCache | None)
 
 
 def keep_nominal_runs(cache: RecordCache | None) -> AbstractContextManager[None]:
-    """Return a context manager that caches nominal runs, because many scenarios share these."""
+    """Return a context manager that caches nominal runs, so that many scenarios can share them."""
     return nominal_runs(lambda scenario: records(scenario, [0], cache)[0].torque)
 
 

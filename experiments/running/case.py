@@ -233,7 +233,7 @@ def track_of(  # noqa: PLR0917
     scenario: Scenario, record: Record, estimated: Sequence[str], theta: Array, claimed: Any,
     innovations: Array | None, findings: Sequence[Any] | None,
 ) -> Track:  # fmt: skip
-    """Return the estimates and true values of the parameters with a nonzero true initial value.
+    """Return the estimates and true values of all parameters whose initial true value is not zero.
 
     Parameters
     ----------

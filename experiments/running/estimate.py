@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 
 def true_values(names: Sequence[str], record: Record, at: Any) -> dict[str, Any]:
-    """Return the recorded true values of the parameters `names` at the samples `at`, by name."""
+    """Return the recorded true values of the parameters `names` at samples `at`, keyed by name."""
     known = [name for name in names if physical(name)[0] in record.parameter_names]
     if record.true_parameters is None or not known:
         return {}

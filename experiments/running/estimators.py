@@ -138,9 +138,9 @@ def text_of(make: str | Factory) -> str:
     name, module = getattr(make, "__name__", ""), getattr(make, "__module__", "__main__")
     if not name.isidentifier() or name in REGISTRY:
         raise EstimatorError(
-            f"{make!r}: give the name of an estimator such as 'glr', or your own class, under a "
-            "name that no registered estimator has. An instance of a class is not accepted, "
-            "because each run needs a new instance"
+            f"{make!r}: give the name of an estimator such as 'glr', or your own class, whose name "
+            "must differ from the names of all registered estimators. An instance of a class is "
+            "not accepted, because each run needs a new instance"
         )
     home = sys.modules.get(module)
     if module != "__main__" and getattr(home, name, None) is make and home.__spec__:  # type: ignore[union-attr]

@@ -180,7 +180,8 @@ def why_it_ended(log: str, seconds: float) -> str:
     """Return the reason why a worker process died, based on the log file from `ended_after`."""
     if not (Path(log).exists() and Path(log).read_text(errors="replace")):
         return (
-            "its process died: the estimator code exited, memory ran out, or the process was killed"
+            "the worker process died: the estimator code exited, memory ran out, or the process "
+            "was killed"
         )
     return (
         f"TimeoutError: the run has not finished within {seconds:g} s. If the run needs more time, "

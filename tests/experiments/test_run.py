@@ -71,7 +71,7 @@ def test_a_worker_that_dies_or_never_ends_loses_one_case(tmp_path):
         frame = runner.run(Study("bad", (short(),), names, (0, 1))).frame
     errors = frame.groupby("estimator")["error"].first()
     assert pd.isna(errors[names[0]])
-    assert "its process died" in errors[names[1]]
+    assert "the worker process died" in errors[names[1]]
     assert "not finished within 2 s" in errors[names[2]]
     assert "mine.py:" in errors[names[2]]
     assert len(frame) == 3 * 2 * 3
