@@ -75,9 +75,9 @@ def mark(rows: Iterable[Row]) -> list[dict[str, Any]]:
 
     The rows come from a sweep over tuning parameters, or from runs of each estimator at a single
     setting. Rows from a single setting do not contain the key `how`. Baselines are not ranked. An
-    estimator is not ranked if it is noisier than the reference at every setting. An estimator that
-    is less noisy than the reference at every setting is ranked only if its lag is shorter than the
-    lag of every estimator with matched noise.
+    estimator is not ranked if it is noisier than the reference at every setting. If an estimator is
+    less noisy than the reference at every setting, its lag must be shorter than the lag of every
+    estimator with matched noise; otherwise it is not ranked.
     """
     rows = list(rows)
     ahead = {

@@ -76,10 +76,10 @@ def knob_of(name: str) -> Knob | None:
 
 
 def with_knob(name: str, factor: float) -> str | None:
-    """Return the specification of an estimator, with its tuning parameter set to another value.
+    """Return the specification of an estimator at `factor` times its default setting.
 
     If the estimator has no tuning parameter, or if `name` already contains options, the function
-    returns `name` unchanged. The function returns None if the new value is out of range.
+    returns `name` unchanged. The function returns None if the new setting is out of range.
 
     Examples
     --------

@@ -49,8 +49,9 @@ class Tuned:
         Noise measure: "excess" for the excess error, or the name of a parameter whose standard
         deviation is matched.
     ratio : float
-        Estimator noise divided by the reference noise. For the excess error, which is quadratic in
-        the parameter errors, `ratio` is the square root of the ratio of the two excess errors.
+        Estimator noise divided by the reference noise. If the excess error is matched, `ratio` is
+        the square root of the ratio of the two excess errors, because they are quadratic in the
+        parameter errors.
     """
 
     setting: str

@@ -76,7 +76,7 @@ def cramer_rao(
 
 def lag_bound(deviation: ArrayLike, size: float, *, period: float) -> float:
     """
-    Return the lag Σ T min(1, √(2/π) s_n/D) [s] of an estimator that attains the bound.
+    Return the lag Σ T min(1, √(2/π) s_n/D) [s] of an estimator that attains the Cramér–Rao bound.
 
     Parameters
     ----------
@@ -159,7 +159,7 @@ def bound_from(
     variance: float,
 ) -> JumpBound:
     """
-    Return the bounds after a jump, given the physical parameters and the state at the jump.
+    Return the standard-deviation bounds after a jump, given the parameters and state at the jump.
 
     Parameters
     ----------

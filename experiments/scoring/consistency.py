@@ -1,4 +1,4 @@
-"""Compare the variances that an estimator reports with the actual errors."""
+"""Check whether the variances that an estimator reports agree with its actual errors."""
 
 from typing import Any
 

@@ -62,9 +62,9 @@ class Score:
         smaller scores by `zero` before it computes ratios.
     guard : bool
         Whether the score can be negative. Ratios of scores that can be negative have no meaning, so
-        `compare` uses the difference between the absolute means, divided by the standard deviation
-        of the base estimator. For a score that can be negative, `compare` reports only an increase
-        in the absolute mean.
+        `compare` uses the difference between the absolute means of the two estimators, divided by
+        the standard deviation of the base estimator. For a score that can be negative, `compare`
+        reports only an increase in the absolute mean.
     shared : bool
         Whether the score is the same for all parameters of a run. A shared score is computed only
         once per run.
@@ -87,7 +87,7 @@ class Score:
 
     @property
     def compared(self) -> bool:
-        """Whether `compare` can use the score: `guard` is true, or smaller numbers are better."""
+        """Whether `compare` can use the score (`guard` is true, or smaller numbers are better)."""
         return self.guard or (self.better == "less" and self.kind == "number")
 
 

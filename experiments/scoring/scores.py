@@ -300,7 +300,7 @@ def bias_after_of(track: Track, i: int) -> float | None:
 
 
 def cross_talk_of(track: Track, i: int) -> float | None:
-    """Return the rms error of a parameter that does not change, in all windows [% of nominal]."""
+    """Return the rms error of an unchanged parameter over all windows [% of nominal]."""
     spans = [track.percent[w.start : w.stop, i] for w in track.windows]
     return finite(rms(np.concatenate(spans))) if spans and not track.windows_of(i) else None
 

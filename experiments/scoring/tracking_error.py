@@ -84,8 +84,8 @@ def tracking(scenario: Scenario, seed: int, estimator: Any) -> Mapping[str, floa
         ``frozen``, ``told`` and ``estimated`` are the rms tracking errors with the fault, for a
         controller that uses the nominal, true or estimated parameters, respectively [rad].
         ``without_fault`` is the rms tracking error without the fault [rad]. ``limited`` is the
-        number of samples at which the estimates were limited. The function returns None if the
-        scenario has no adaptive feed-forward or no fault.
+        number of samples at which the feed-forward limited a parameter estimate. The function
+        returns None if the scenario has no adaptive feed-forward or no fault.
     """
     if scenario.controller.adapt is None or not scenario.fault:
         return None

@@ -105,7 +105,7 @@ def linear_model(scenario: Scenario, values: Mapping[str, float]) -> Model:
 
 
 def true_model(scenario: Scenario, parameters: Array) -> Model:
-    """Return the axis model with its nonlinear laws; its output is a speed or an encoder angle."""
+    """Return the axis model with its nonlinear laws; the output is a speed or an encoder angle."""
     laws: list[Law] = []
     for part in _described(scenario).values():
         laws += [law for law in (part.law, *part.beside) if law not in laws]
