@@ -68,7 +68,7 @@ class Subject:
         return np.where(np.isfinite(sizes) & (sizes > 0), sizes, 1.0)
 
     def gaps(self, one: Array, other: Array) -> Array:
-        """Return, for each sample, the largest difference between the estimates of two runs.
+        """Return the largest difference between the estimates of two runs at each sample.
 
         The estimates are arrays (N, p), and the result is an array (N,). The differences are
         divided by `nominal`, the absolute values of the first estimates.
@@ -95,7 +95,7 @@ class Subject:
 
 
 def step(estimator: Estimator, u: Array, y: Array, gap: slice = slice(0)) -> Array:
-    """Return the estimates of N calls to `step`, as an array (N, p), with y = None in `gap`."""
+    """Call `step` for N samples, with y = None in `gap`; return the estimates (N, p)."""
     values: list[float | None] = y.tolist()
     values[gap] = [None] * len(values[gap])
     pairs = zip(u.tolist(), values, strict=True)
@@ -108,7 +108,10 @@ Seen = tuple[bool | None, str]
 def shapes(subject: Subject) -> Seen:
     """Check the shape of the estimates that `run` or `step` returns."""
     shape, expected = subject.theta.shape, (len(subject.u), len(subject.names))
-    return shape == expected, f"{shape} for {len(subject.u)} samples of {', '.join(subject.names)}"
+    return shape == expected, (
+        f"the estimates have the shape {shape} for {len(subject.u)} samples of the parameters "
+        f"{', '.join(subject.names)}"
+    )
 
 
 def finite(subject: Subject) -> Seen:
@@ -153,8 +156,8 @@ def no_look_ahead(subject: Subject) -> Seen:
         if wrong.size:
             return False, (
                 f"a change in u and y after sample {cut} changed the estimates by up to "
-                f"{apart[wrong].max():.2g} of the nominal values, from sample {wrong[0]} on "
-                f"({cut + 1 - wrong[0]} samples earlier)"
+                f"{apart[wrong].max():.2g} times the nominal values, from sample {wrong[0]} on "
+                f"({cut + 1 - wrong[0]} samples before the change)"
             )
     return True, f"changes after samples {', '.join(map(str, CUTS))} affected no earlier estimates"
 
@@ -189,7 +192,7 @@ def reset(subject: Subject) -> Seen:
     run_estimator(estimator, subject.u, subject.y)
     estimator.reset()
     apart = subject.apart(run_estimator(estimator, subject.u, subject.y), subject.theta)
-    return apart < 1e-9, f"the relative difference before and after reset is {apart:.2g}"
+    return apart < 1e-9, f"the relative difference of runs before and after reset is {apart:.2g}"
 
 
 def survives_a_gap(subject: Subject) -> Seen:
@@ -214,7 +217,8 @@ def covariance(subject: Subject) -> Seen:
             R = C / np.outer(scale, scale)
             if np.abs(R - R.T).max() <= SLACK and np.linalg.eigvalsh(R).min() >= -SLACK:
                 continue
-        return False, f"covariance at sample {k} is not symmetric and positive semidefinite: {C}"
+        seen = f"the covariance at sample {k} is not a symmetric positive semidefinite matrix: {C}"
+        return False, seen
     return True, "the covariance is symmetric and positive semidefinite at every sample"
 
 
@@ -229,13 +233,13 @@ def cost(subject: Subject) -> Seen:
 
 
 def a_shift_of_u_hurts(subject: Subject) -> Seen:
-    """Check that a shift of the torque u by one sample, early or late, worsens the estimates."""
+    """Check that the estimates worsen if the torque u is one sample early or late."""
     if (np.ptp(subject.theta, axis=0) / subject.nominal).max() < MOVES:
         return None, "the estimates are constant"
     shifted = (np.r_[0.0, subject.u[:-1]], np.r_[subject.u[1:], 0.0])
     right = subject.error(subject.theta)
     late, early = (subject.error(subject.run(u, subject.y)) for u in shifted)
-    seen = f"the error of {right:.1%} becomes {late:.1%} if u is late and {early:.1%} if u is early"
+    seen = f"the error is {right:.1%}, but {late:.1%} if u is late, and {early:.1%} if u is early"
     return right < min(FAR, late / 1.5, early / 1.5), seen
 
 
@@ -245,13 +249,13 @@ RULES: dict[Callable[[Subject], Seen], tuple[str, str]] = {
         "return one estimate per parameter from step, and an array (N, p) from run",
     ),
     finite: (
-        "a run diverges if any estimate is not finite, and a single wrong sample must not cause "
-        "this",
+        "a run counts as diverged if any estimate is not finite, and a single wrong sample must "
+        "not make a run diverge",
         "limit the estimates, clip the residual, and keep P symmetric and positive definite",
     ),
     deterministic: (
-        "otherwise a comparison cannot distinguish random variations from real differences "
-        "between estimators",
+        "if the estimates of a record vary from run to run, a comparison cannot distinguish random "
+        "variations from real differences between estimators",
         "seed the random generator in the constructor, and store no state in the class or module",
     ),
     step_equals_run: (
@@ -264,7 +268,8 @@ RULES: dict[Callable[[Subject], Seen], tuple[str, str]] = {
         "do not use smoothing, centred filters or statistics of the whole record in run",
     ),
     keeps_no_reference: (
-        "callers reuse their input buffers and keep the returned arrays",
+        "callers reuse their input buffers and keep the returned arrays, so the estimator must not "
+        "share arrays with its caller",
         "copy all inputs that the estimator stores, return a copy of θ, and do not modify the "
         "inputs",
     ),
@@ -286,7 +291,8 @@ RULES: dict[Callable[[Subject], Seen], tuple[str, str]] = {
         "move computations from step to the constructor, or compile step",
     ),
     a_shift_of_u_hurts: (
-        "u[k] acts after y[k], and an estimator that shifts u by one sample gives wrong estimates",
+        "u[k] acts after the measurement of y[k], and an estimator that shifts u by one sample "
+        "gives wrong estimates",
         "in step(u, y), use u from the previous call to predict y, and then store the new u. If "
         "the error is large for every shift of u, check the model, the units, the order of names "
         "and the attribute `output`",

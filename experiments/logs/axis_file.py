@@ -1,4 +1,4 @@
-"""Read and write axis files, which contain a model, nominal values, a delay and a noise filter."""
+"""Read and write axis files, with a model, nominal values, a delay and a whitening filter."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ class Axis(BaseModel):
         return self.model_copy(update={"model": replace(self.model, nominal=nominal)})
 
     def check_rate(self, period: float) -> None:
-        """Reject a log whose sampling rate differs from the rate of the noise filter.
+        """Reject a log whose sampling rate differs from that of the whitening filter.
 
         Raises
         ------
@@ -99,9 +99,9 @@ class Axis(BaseModel):
             )
         if self.rate is not None and abs(self.rate * period - 1) > SAME_RATE:
             raise LogError(
-                f"the axis was identified at {self.rate:.6g} Hz, and its noise filter is valid "
+                f"the axis was identified at {self.rate:.6g} Hz, and its whitening filter is valid "
                 f"only for this rate. The sampling rate of the log is {1 / period:.6g} Hz. Import "
-                f"the log with --resample {self.rate:.6g}, or identify the axis from this log"
+                f"the log with --resample {self.rate:.6g}, or identify the axis again from this log"
             )
 
     def save(self, path: Path) -> None:
@@ -152,7 +152,7 @@ def usable(record: Record) -> NDArray[np.bool_]:
 
 
 def output_of(record: Record) -> tuple[str, NDArray[np.float64]]:
-    """Return the name of the output (increment if it exists, else speed) and its values (N,)."""
+    """Return the name and the values (N,) of the output: the increment if any, else the speed."""
     if record.increment is None:
         return "speed", np.asarray(record.speed)
     return "increment", record.increment

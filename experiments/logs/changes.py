@@ -1,11 +1,11 @@
 """Find steps and drifts of parameters in a sequence of estimates or in a record.
 
-The estimates of n windows or logs are modelled as the sum of a level, the effects of covariates
+The estimates from n windows or logs are modelled as the sum of a level, the effects of covariates
 (such as a temperature) and at most one change. The change is a drift (a cubic polynomial) or a
 step. The step is placed where the likelihood ratio is greatest (M. Basseville and I. Nikiforov,
-*Detection of Abrupt Changes*, 1993, section 2.4). A threshold from the F distribution, with a
-Bonferroni correction for the number of positions, keeps the probability of a false alarm below the
-chosen limit.
+*Detection of Abrupt Changes*, 1993, section 2.4). The significance threshold comes from the F
+distribution, with a Bonferroni correction for the number of step positions. The threshold keeps the
+probability of a false alarm below the chosen limit.
 """
 
 from __future__ import annotations
@@ -39,21 +39,22 @@ DEGREE = 3  # degree of the polynomial that describes a drift
 
 @dataclass(frozen=True)
 class Explained:
-    """A sequence, fitted by a level, the effects of covariates and at most one change.
+    """A sequence described by a level, the effects of covariates and at most one change.
 
     Attributes
     ----------
     kind : {"constant", "step", "drift"}
         Kind of the change.
     begin, end : int
-        Indices of the two extremes of the change, in chronological order. For a step, `end` is the
-        index of the first value after the step.
+        Indices of the smallest and the largest value of the change, in chronological order. For a
+        step, `end` is the index of the first value after the step.
     size, deviation : float
         Size of the change from `begin` to `end`, relative to the level, and its standard deviation.
     level : float
         Estimated value before the change, with the covariates at their mean values.
     slopes, slope_deviations : ndarray (q,)
-        Effect of each covariate (change in the value per unit), and its standard deviation.
+        Effect of each covariate (change in the value per unit of the covariate), and the standard
+        deviation of this effect.
     fitted : ndarray (n,)
         Sum of the level, the effects of the covariates and the change.
     left : float
@@ -172,7 +173,7 @@ def clause(name: str, one: Change | Explained, size: float, begin: str, end: str
 def changes_along(
     look: Look, time: Array, z: Array, names: Sequence[str]
 ) -> tuple[list[Change], list[str]]:
-    """Find changes of parameters in a record by least squares.
+    """Find parameter changes in a record by least squares.
 
     The samples before and after a step are fitted separately, so that the size of a large step is
     accurate.
@@ -194,7 +195,7 @@ def changes_along(
     -------
     changes : list of Change
         If the most significant change is a drift, the list contains all drifts. If it is a step,
-        the list contains all steps at the same time.
+        the list contains this step and all other steps that occur at the same time.
     unseen : list of str
         Parameters whose changes cannot be detected in this record.
     """
@@ -252,7 +253,10 @@ def changes_in(
 
 
 def _windows(time: Array, error: Array, J: Array, p: int) -> tuple[Array, Array, Array]:
-    """Return m informative windows: limits (m, 2) [s], estimates and standard deviations (m, p)."""
+    """Return the limits, estimates and standard deviations of the m informative windows.
+
+    The limits are an array (m, 2) in s. The other two results are arrays (m, p).
+    """
     parts = [k for k in np.array_split(np.arange(len(time)), WINDOWS) if len(k) > 10 * J.shape[1]]
     inverses = [np.linalg.pinv(J[k], rcond=1e-8) for k in parts]
     every = [one @ error[k] for one, k in zip(inverses, parts, strict=True)]
@@ -271,7 +275,7 @@ def _windows(time: Array, error: Array, J: Array, p: int) -> tuple[Array, Array,
 
 
 def _fitted_to(look: Look, inside: Flags, z: Array, p: int) -> Array:
-    """Fit q unknowns, of which `p` are parameters, to the samples `inside` by least squares."""
+    """Fit q unknowns to the samples `inside` by least squares; the first `p` are parameters."""
     for _ in range(STEPS):
         error, J = look(z)
         step = np.linalg.lstsq(J[inside], error[inside])[0]

@@ -17,7 +17,7 @@ from flexaxis.experiments.logs.units import SI
 from flexaxis.sim.record import Record
 
 Row = tuple[Any, ...]
-"""Severity and text of a finding, and the option that solves the problem, if there is one."""
+"""Severity and text of a finding, and possibly an option that solves the problem."""
 
 FASTEST = 1e4  # maximum plausible motor speed [rad/s]; even milling spindles are slower
 MISSING, CLIPPED = 20.0, 1.0  # maximum percentages of missing and clipped samples of a usable log
@@ -32,7 +32,7 @@ SAME = 0.15  # maximum relative difference between a measured ratio and the fact
 STANDS = 0.5  # minimum fraction of samples of a held torque that equal the previous sample
 LOWEST = 0.1  # fraction of the power of the torque that counts as low-frequency
 RATIOS = {"speed=rpm": 9.55, "speed=deg/s": 57.3, "speed=rev/s": 0.159, "angle=deg": 0.01745}
-"""Ratio of the speed to the slope of the angle, if a signal in the given unit is read as SI."""
+"""Ratio of the speed to the slope of the angle, keyed by the unit that is mistaken for SI."""
 OTHERS = {"time": "ms or us", "angle": "deg, rev or mm", "speed": "rpm, deg/s or mm/s"}
 """Common units of each signal, other than the unit that flexaxis assumes."""
 _MEASURED = re.compile(r"meas|actual|\bact\b|_act|current|_ad|feedback|\bi_?q\b|effort", re.I)
@@ -128,8 +128,8 @@ def clipping(u: Array) -> Row:
 def clocks(raw: Raw, period: float) -> Row:
     """Return a finding on signals whose samples are repeated or interpolated between updates."""
     if raw.every > 1:
-        text = f"torque and {raw.motion} were interpolated, so flexaxis uses only every "
-        return "note", text + f"{raw.every}th row"
+        text = f"torque and {raw.motion} were interpolated, so flexaxis uses only one of every "
+        return "note", text + f"{raw.every} rows"
     every = {name: rhythm(raw.signals[name]) for name in ("torque", raw.motion)}
     # a torque that is held for several samples is harmless
     slow = {n: k for n, (k, _, lines) in every.items() if k > 1 and (lines or n != "torque")}
@@ -137,7 +137,7 @@ def clocks(raw: Raw, period: float) -> Row:
         return "ok", "torque and motion are updated at every sample"
     n = max(slow.values())
     text = (
-        f"only every {n}th sample of {' and '.join(slow)} is new, and the other samples are "
+        f"only one of every {n} samples of {' and '.join(slow)} is new, and the other samples are "
         "repeated or interpolated. Log torque and motion with the same clock, or reduce the "
         "sampling rate"
     )
@@ -166,8 +166,9 @@ def refuse_nonsense(raw: Raw, record: Record) -> None:
     """
     if 355 < raw.turn < 365 and "angle" not in raw.unit:
         raise LogError(
-            "the angle jumps by 360 between samples, so this is probably a wrapped angle in "
-            "degrees. Give --unit angle=deg, or give --unit angle=rad if the angle is in rad"
+            "the angle jumps by 360 between samples, so it is probably a wrapped angle in degrees. "
+            "Give --unit angle=deg if the angle is in degrees, or --unit angle=rad if it is in "
+            "radians"
         )
     ok, motion = valid_of(record), raw.motion
     if record.increment is not None and record.speed is not None:
@@ -183,10 +184,10 @@ def refuse_nonsense(raw: Raw, record: Record) -> None:
     fast = np.percentile(abs(output_of(record)[1][ok]), USUAL)
     if fast > FASTEST and motion not in raw.unit:
         raise LogError(
-            f"in the assumed units, the motor would turn at {fast:.3g} rad/s. Is the {motion} in "
-            f"{OTHERS[motion]}, or in counts? Give --unit {motion}=UNIT or "
+            f"in the assumed units, the motor would turn implausibly fast, at {fast:.3g} rad/s. Is "
+            f"the {motion} in {OTHERS[motion]}, or in counts? Give --unit {motion}=UNIT or "
             f"--scale {motion}=FACTOR. If the unit of the time is wrong, give --unit time=UNIT. If "
-            f"the motor really turns so fast, give --unit {motion}={SI[motion]}"
+            f"the motor really turns this fast, give --unit {motion}={SI[motion]}"
         )
 
 
@@ -207,10 +208,11 @@ def outlying(name: str, times: Array) -> Row:
 def outliers(x: Array) -> Flags:
     """Return a mask (N,) of outliers: runs of at most three samples far from their neighbours.
 
-    A Hampel filter compares the distance of each sample from the median of seven samples with the
-    95th percentile of all such distances. In a signal without noise, this distance is 0 while the
-    motion keeps its direction, and small when the motion reverses. Therefore the distance of an
-    outlier must also exceed five times the 95th percentile of the changes per sample.
+    A Hampel filter computes the distance of each sample from the median of seven samples. It
+    compares this distance with the 95th percentile of all distances. In a signal without noise, the
+    distance is 0 while the motion keeps its direction, and small when the motion reverses.
+    Therefore the distance of an outlier must also exceed five times the 95th percentile of the
+    changes from one sample to the next.
 
     Examples
     --------
@@ -261,6 +263,6 @@ def torque_kind(raw: Raw, stated: str | None, column: str) -> tuple[str, str]:
     kind, other = ("smooth", "held") if measured else ("held", "smooth")
     return kind, (
         f"assumed from the column name {column}, because a command is held and a measured current "
-        f"is smooth; if the assumption is wrong, give --torque-is {other}, or the delay will be "
-        "wrong by half a sample"
+        f"is smooth; a wrong assumption causes a delay error of half a sample, so give --torque-is "
+        f"{other} if the assumption is wrong"
     )

@@ -1,4 +1,4 @@
-"""Fit a model to a log, and compute the simulation error and the standard deviations of the fit.
+"""Fit a model to a log, and compute the simulation error and the uncertainty of the estimates.
 
 A candidate model is fitted without the held-out pieces of the log. The simulation error in the
 held-out pieces shows whether the model is adequate, and which of two models is better.
@@ -106,7 +106,7 @@ class Setup:
         """Mask (N,) of the samples that are fitted.
 
         The first sample of each segment is excluded. Because of the torque delay, the unknown
-        torque in a gap still acts on some samples after the gap. These are excluded as well.
+        torque in a gap still acts on some samples after the gap. These samples are also excluded.
         """
         ok = self.log.ok.copy()
         for begin in self.begins[1:]:
@@ -165,9 +165,10 @@ class Setup:
     def solve(
         self, z: Array | None = None, *, without: Flags | None = None, **options: Any
     ) -> Fitted:
-        """Fit the model, starting at the values `z` of the unknowns, or else at the nominal values.
+        """Fit the model, starting at the values `z` of the unknowns.
 
-        The samples marked in `without` are not fitted. The `options` are passed to `Problem.fit`.
+        If `z` is None, the fit starts at the nominal values. The samples marked in `without` are
+        not fitted. The `options` are passed to `Problem.fit`.
         """
         problem = self.problem(without)
         return problem.fit(self.begun(problem).z if z is None else z, **options)
@@ -254,7 +255,7 @@ class Fit:
 
     @property
     def percent(self) -> float:
-        """Fit 100 (1 − |y − ŷ|/|y − mean y|) [%] of the simulation ŷ to the output y."""
+        """Fit of the simulation ŷ to the output y, 100 (1 − |y − ŷ|/|y − mean y|) [%]."""
         return 100 * (1 - self.left / max(self.size, 1e-300))
 
     @property
@@ -298,7 +299,7 @@ class Fit:
         exceeds the scatter that white residuals would cause, the variance is increased accordingly.
         The pieces are intervals of time, of speed and of angle, because the errors of a friction
         law depend on speed and angle. The standard deviations also include the numerical errors due
-        to rounding, incomplete convergence and friction laws that are solved in steps.
+        to rounding, incomplete convergence and the stepwise solution of friction laws.
         """
         fitted, log = self.fitted, self.setup.log
         white = np.diag(fitted.covariance)

@@ -1,4 +1,4 @@
-"""Identify the parameters of an axis from one log, or compare its parameters in many logs.
+"""Identify the parameters of an axis from one log, or compare them across many logs.
 
 If the simulation error of the best model is only noise, the model is adequate. The final fit of an
 adequate model minimises whitened prediction errors, because the resulting estimates have the
@@ -60,8 +60,8 @@ class Identification:
         the columns ``delay`` [s] and ``offset`` (in the torque unit). The rows are ``value`` and
         ``sd`` (standard deviation). If the delay was given, its ``sd`` is 0.
     fit : float
-        Fit 100 (1 − |y − ŷ|/|y − mean y|) [%] of a simulation ŷ to the held-out pieces of the
-        output y.
+        Fit of a simulation ŷ to the held-out pieces of the output y,
+        100 (1 − |y − ŷ|/|y − mean y|) [%].
     friction : str
         Identified law of dry friction: ``"coulomb"``, ``"stribeck"`` or ``"none"``. If the axis
         file contains laws, the value is ``"as stated"``.
@@ -134,7 +134,10 @@ def identify(
     for name in levels:
         if name not in known:
             hint = did_you_mean(name, (*axis.model.parameters, *known))
-            raise LogError(f"--friction {friction} has no parameter {name}.{hint}")
+            raise LogError(
+                f"neither the model {axis.model.name} nor --friction {friction} has a parameter "
+                f"{name}.{hint}"
+            )
     names = free_names(axis, free, fix)
     log = log_of(record, axis.model_copy(update={"beside": {}}))
     setup = Setup(log, axis.model, names, delay or 0.0, delay is not None).part(MOST)
@@ -196,18 +199,21 @@ def units_of(record: Record, nominal: Mapping[str, float]) -> str:
     one = f"1 {unit}" if unit not in {"", "1"} else "1"
     newton = "N" if record.versions.get("motion") == "linear" else "N m"
     text = f"SI, if a logged torque of {one} equals {k_T or 1.0:g} {newton}"
-    return f"{text}; give the true value with --fix k_T=VALUE" if k_T == 1 else text
+    return f"{text}; give the true k_T with --fix k_T=VALUE" if k_T == 1 else text
 
 
 def free_names(axis: Axis, free: Sequence[str], fix: Sequence[str]) -> tuple[str, ...]:
-    """Return the names of the parameters to identify: `free`, or all that a log determines."""
+    """Return the parameters to identify: `free`, or by default all that a log can determine."""
     known = axis.model.parameters
     named = sorted({*free, *fix} - {*LAWFUL})
     axis.having(dict.fromkeys(named, 1.0))  # raises an error for unknown names
     usual = [n for n in known if n not in GIVEN and (not axis.known or axis.model.nominal[n])]
     chosen = [name for name in ([n for n in free if n in known] or usual) if name not in fix]
     if not chosen:
-        raise LogError("all parameters are fixed. Choose a parameter to identify with --free NAME")
+        raise LogError(
+            "all parameters are fixed. Use --free NAME to select a parameter that --fix does not "
+            "name"
+        )
     return tuple(chosen)
 
 
@@ -263,7 +269,9 @@ def find_logs(folder: Path) -> list[Path]:
         if path.suffix.lower() in SUFFIXES and not path.stem.endswith(MADE)
     ]
     if not logs:
-        raise LogError(f"{folder} contains no log. File names of logs end in {', '.join(SUFFIXES)}")
+        raise LogError(
+            f"{folder} contains no log, that is, no file whose name ends in {', '.join(SUFFIXES)}"
+        )
     return sorted(logs, key=lambda path: [t.zfill(20) for t in re.split(r"(\d+)", path.name)])
 
 
@@ -286,10 +294,10 @@ def identify_many(
         Identified axis. If its standard deviations are unknown, the axis is first identified from
         the first log.
     tables : mapping
-        Options for reading a log, the same as those of `importing.import_log`.
+        Options for reading a log, as for `importing.import_log`.
     covariates : sequence of str
-        Names of log columns that may explain the estimates, such as a temperature. The value of a
-        covariate for one log is the mean of the column.
+        Names of log columns, such as a temperature, that may explain differences between the
+        estimates. The value of a covariate for one log is the mean of the column.
     free : sequence of str
         Parameters to estimate. By default, these are all parameters whose standard deviation in the
         axis file is less than 10 % of the nominal value.
@@ -308,7 +316,8 @@ def identify_many(
                 free = free or [n for n in nominal if known.get(n, np.inf) < SEEN * abs(nominal[n])]
                 if not free:
                     raise LogError(
-                        "no parameter in the axis file is known to within 10 %. Give --free NAME"
+                        "no parameter in the axis file is known to within 10 %. Name the "
+                        "parameters to estimate with --free NAME"
                     )
                 setup = Setup(log_of(record, axis), axis.model, tuple(free), axis.delay)
                 found = Fit(setup, setup.solve(rounds=ROUNDS)).estimates[[*free]]
@@ -340,9 +349,9 @@ def _sentence(name: str, one: Explained, table: pd.DataFrame, covariates: Sequen
     text = f"{name} = {one.level:.4g}, no change"
     if changed:
         text = clause(name, one, one.size, *ends)
-        text += f" (probability that noise alone causes this: {one.chance:.1g})"
+        text += f" (probability that noise alone causes this change: {one.chance:.1g})"
     for column, slope, sd in zip(covariates, one.slopes, one.slope_deviations, strict=True):
         if abs(slope) > max(SURE * sd, SMALLEST * level / float(np.ptp(table[column]))):
             size = f"{100 * slope / level:+.2g} ± {100 * sd / level:.1g} %"
-            text += f"; {size} per unit of {column}"
+            text += f"; covariate effect: {size} per unit of {column}"
     return Finding("note" if changed else "ok", text)

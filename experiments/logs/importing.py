@@ -76,8 +76,8 @@ def import_log(path: Path, *, burn_in: float | None = None, **tables: Any) -> Im
         left_out = record.burn_in if burn_in is None else burn_in
         if not 0 <= left_out < 0.9 * seconds:
             raise LogError(
-                f"--burn-in {left_out:g} s is not possible. Give at least 0 s and less than nine "
-                f"tenths of the length of the log ({seconds:.4g} s)"
+                f"--burn-in {left_out:g} s is not possible. Give at least 0 s, and less than nine "
+                f"tenths of the log, which is {seconds:.4g} s long"
             )
     except LogError as error:
         raise LogError(f"{path}: {error}") from error
@@ -119,11 +119,11 @@ def cleaned(raw: Raw) -> Raw:
     if len(back):
         before, after = raw.time[back[0] - 1 : back[0] + 1] - raw.time[0]
         raise LogError(
-            f"at row {back[0]}, the time since the start changes from {before:.9g} s to "
-            f"{after:.9g} s. The time does not advance at {len(back)} rows. If a new log begins at "
-            f"row {back[0]}, select one log with --rows 0:{back[0]} or --rows {back[0]}:. If not, "
-            "remove rows that are repeated or out of order. If the samples are evenly spaced, you "
-            "can give --rate HZ instead of the time column"
+            f"the time does not advance at {len(back)} rows. The first is row {back[0]}, at which "
+            f"the time since the start changes from {before:.9g} s to {after:.9g} s. If a new log "
+            f"begins at row {back[0]}, select one log with --rows 0:{back[0]} or --rows "
+            f"{back[0]}:. If not, remove rows that are repeated or out of order. If the samples "
+            "are evenly spaced, you can give --rate HZ instead of the time column"
         )
     n, first, lines = updates = rhythm(raw.signals["torque"])
     if lines and updates == rhythm(raw.signals[raw.motion]):
@@ -154,8 +154,8 @@ def _on_grid(raw: Raw, smooth: bool) -> tuple[Array, dict[str, Array], Flags]:
         )
     if period > SLOWEST:
         raise LogError(
-            f"a sampling period of {period:.3g} s is too long for an axis. Is the time in ms, us "
-            "or ns? Give the unit, such as --unit time=us"
+            f"a sampling period of {period:.3g} s is too long for an axis. If the time is in ms, "
+            "us or ns, give the unit, for example --unit time=us"
         )
     time = raw.time[0] + period * np.arange(index[-1] + 1.0)
     near = np.max(abs(raw.time - time[index])) <= NEAR * period
@@ -174,10 +174,10 @@ def _on_grid(raw: Raw, smooth: bool) -> tuple[Array, dict[str, Array], Flags]:
 
 
 def _record(time: Array, signals: dict[str, Array], valid: Flags, rate: float | None) -> Record:
-    """Return the record of evenly sampled signals. `rate` is a lower sampling rate [Hz], if any.
+    """Return the record of evenly sampled signals.
 
-    If the rate is reduced, all signals pass through the same zero-phase low-pass filter. The torque
-    is then averaged over each new sampling period.
+    If `rate` [Hz] is given, the sampling rate is reduced to `rate`. All signals then pass through
+    the same zero-phase low-pass filter, and the torque is averaged over each new sampling period.
     """
     period = float(np.ptp(time)) / (len(time) - 1)
     rate = rate or 1 / period

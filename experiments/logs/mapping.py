@@ -42,9 +42,9 @@ class LogMap(Config):
     rows : str
         Range of samples to read. The range ``A:B`` selects the samples A to B − 1.
     header : int or None
-        Line number, counted from 1, of the column names in a CSV file.
+        Number of the line that contains the column names of a CSV file, counted from 1.
     resample : float or None
-        Reduced sampling rate [Hz], which must be an integer fraction of the logged rate.
+        Reduced sampling rate [Hz], which must be the logged rate divided by an integer.
     """
 
     time: str | None = None
@@ -96,7 +96,7 @@ class Raw(NamedTuple):
 
     @property
     def linear(self) -> bool:
-        """Whether the axis is linear, which means that the unit of its motion contains a length."""
+        """Whether the motion is linear rather than rotary: its unit then contains a length."""
         return any(re.match(r"([numck]?m|in)(/|$)", unit) for unit in self.unit.values())
 
 
@@ -115,7 +115,8 @@ def pick(log: Log, mapping: LogMap) -> Raw:
     if len(lengths) > 1:
         raise LogError(
             f"the columns {', '.join(columns)} differ in length. All columns of a log must have "
-            "a value for every sample. Do these columns have different sampling rates?"
+            "a value for every sample. If these columns have different sampling rates, resample "
+            "them to one rate first"
         )
     signals, units = dict[str, Array](), dict[str, str]()
     for name, column in chosen.items():
@@ -129,7 +130,8 @@ def pick(log: Log, mapping: LogMap) -> Raw:
             raise LogError(
                 f"the unit {unit!r} of the column {column} is unknown. The known units of {name} "
                 f"are {', '.join(filter(None, known))}. Give a known unit with --unit {name}=…, or "
-                f"--counts N for encoder counts. For other units, also give --scale {name}=FACTOR"
+                f"--counts N for encoder counts. For any other unit, give a known unit and --scale "
+                f"{name}=FACTOR"
             )
         scale = mapping.scale.get(name, 1.0)  # type: ignore[call-overload]
         signals[name] = columns[column] * known[unit] * scale
@@ -165,7 +167,7 @@ def _columns(log: Log, mapping: LogMap) -> dict[str, str]:
     }
     if absent := [signal for signal, column in wanted.items() if not column]:
         raise LogError(
-            f"no column has a known name for {', '.join(absent)}. The columns are "
+            f"no column was recognised as {', '.join(absent)}. The columns are "
             f"{', '.join(log.columns)}. If the column names are on another line of the file, give "
             "--header LINE"
         )

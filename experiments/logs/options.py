@@ -31,23 +31,23 @@ LOG_OPTIONS: dict[str, str | tuple[str, dict[str, Any]]] = {
     "--rows A:B": "Read only samples A to B-1 (default: all).",
     "--rate HZ": ("Sampling rate [Hz], necessary if the log has no time column (default: computed "
                   "from the time column).", {"type": float}),
-    "--header LINE": ("Line number, counted from 1, of the column names in a CSV file (default: "
-                      "detected from the content).", {"type": int}),
+    "--header LINE": ("Number of the line that contains the column names of a CSV file, counted "
+                      "from 1 (default: detected from the content).", {"type": int}),
     "--unit SIGNAL=UNIT": ("Unit of a signal, such as angle=deg (default: taken from the column "
                            "name, else SI).", PAIRS),
-    "--scale SIGNAL=FACTOR": ("Multiply a signal by a factor, such as torque=0.6 (N m/A) or "
-                              "torque=-1 (default: 1).", PAIRS),
+    "--scale SIGNAL=FACTOR": ("Factor by which a signal is multiplied, such as torque=0.6 (in "
+                              "N m/A) or torque=-1 (default: 1).", PAIRS),
     "--torque-is KIND": (
         "Kind of torque (default: detected from the log). 'held' is a command that is constant "
         "until the next sample (zero-order hold), and 'smooth' is a measured current.",
         {"choices": ("held", "smooth")},
     ),
-    "--resample HZ": ("Reduced sampling rate [Hz], an integer fraction of the logged rate "
-                      "(default: the logged rate).", {"type": float}),
+    "--resample HZ": ("Reduced sampling rate [Hz], which must be the logged rate divided by an "
+                      "integer (default: the logged rate).", {"type": float}),
     "--burn-in S": ("Length of the initial part of the log that the fit ignores [s] (default: 0 if "
                     "the log starts at rest, else 1).", {"type": float}),
-    "--as-log FORMAT": ("Write a CSV file like the log of a real robot (default: write a record).",
-                        {"choices": ("csv",)}),
+    "--as-log FORMAT": ("Write a CSV file that resembles the log of a real robot (default: write a "
+                        "record).", {"choices": ("csv",)}),
     "--units U,…": ("Units of the written log, such as deg,A,rpm,ms (default: SI).",
                     {"default": ""}),
     "--gaps N": ("Number of gaps in the written log (default: 0).",

@@ -78,7 +78,7 @@ class LogPage(NamedTuple):
 
 
 def _line(x: Array, y: Array, label: str, role: Any = "data") -> Series:
-    """Return a curve, thinned to about `MOST` points, that keeps the extremes of each bin."""
+    """Return a curve that is thinned to about `MOST` points and keeps the extremes of each bin."""
     bins = pd.Series(y).groupby(np.arange(len(y)) // -(-2 * len(y) // MOST))
     k = np.unique([bins.idxmin(), bins.idxmax()])
     return Series(x=x[k], y=y[k], label=label, role=role)
@@ -109,10 +109,10 @@ def identification_page(result: Identification, other: Fit | None, title: str) -
     charts, findings = [_compared("Simulation from the torque", result.answer)], [*result.findings]
     if other is not None:
         charts.append(_compared("Simulation of the validation log", other))
-        fits = f"a simulation explains {other.percent:.1f} % of the other log"
+        fits = f"a simulation explains {other.percent:.1f} % of the validation log"
         findings.append(Finding("info", fits))
         if text := unlike(other, result.axis.error):
-            findings.append(Finding("problem", f"on the other log, {text}"))
+            findings.append(Finding("problem", f"on the validation log, {text}"))
     problems = texts_of(findings, "problem")
     text = f"A simulation from the torque alone explains {result.fit:.1f} % of the held-out pieces."
     text += f" The estimates cannot be used: {problems[0]}." if problems else ""
@@ -133,7 +133,7 @@ def content(result: Identification, findings: Sequence[Finding]) -> dict[str, An
 
 
 def _compared(title: str, fit: Fit) -> Chart:
-    """Return a figure of a log, its simulation and the error in the part with the most motion."""
+    """Return a figure of the part with the most motion: log, simulation and simulation error."""
     log = fit.setup.log
     piece = liveliest(log.y, PIECE)
     t = log.period * np.arange(piece.start, piece.stop)

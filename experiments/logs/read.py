@@ -65,8 +65,8 @@ def open_log(path: Path, header: int | None = None) -> Log:
         UTF-8, UTF-16 or Latin-1. Columns of a matrix are named ``name[0]``, ``name[1]``, ….
         Columns of structures and groups are named ``outer.inner``.
     header : int, optional
-        Line number, counted from 1, of the column names in a CSV file. By default, the line with
-        the names is detected from the content of the file.
+        Number of the line that contains the column names of a CSV file, counted from 1. By default,
+        this line is detected from the content of the file.
 
     Raises
     ------
@@ -121,7 +121,7 @@ def _csv(path: Path, start: bytes, header: int | None) -> Log:
     tried = [(*_tried(part, mark), mark) for mark in (*";\t,|", None)]
     share, width, row, separator = max(tried, key=lambda layout: layout[:2])
     if share <= 0:
-        raise ValueError("it is neither a MAT or HDF5 file, nor a CSV file with rows of numbers")
+        raise ValueError("it is not a MAT file, an HDF5 file or a CSV file with rows of numbers")
     first = kept[row]
     head = _head(lines[:first], separator, width)
     if header:
@@ -185,7 +185,7 @@ def _head(lines: Sequence[str], separator: str | None, width: int) -> list[str]:
 
 
 def names_and_units(head: Sequence[str]) -> tuple[list[str], dict[str, str]]:
-    """Return unique column names, and the units that follow the names, if they are known.
+    """Return unique column names, and the units that follow the names, without unknown units.
 
     Examples
     --------
@@ -220,7 +220,7 @@ def _numbers(name: str, column: pd.Series[Any]) -> Array:
     row = bad.idxmax()
     raise LogError(
         f"row {row}, column {name}: {str(texts[row])[:60]!r} is not a number ({bad.sum()} of "
-        f"{len(texts)} cells are not numbers). Correct such cells, or leave them empty. Empty "
-        f"cells are gaps in the log. If a new log begins at row {row}, select the first log with "
+        f"{len(texts)} cells are not numbers). Correct such cells or empty them; empty cells are "
+        f"treated as gaps. If a new log begins at row {row}, select the first log with "
         f"--rows 0:{row}"
     )

@@ -1,4 +1,4 @@
-"""Find initial values for a fit, and nonlinear effects, such as dry friction, in a log.
+"""Find nonlinear effects in a log, such as dry friction, and initial values for a fit.
 
 Initial values are computed from frequency responses of the log. Dry friction and gravity are added
 to the model if they improve the simulation of held-out pieces.
@@ -33,7 +33,7 @@ LAWFUL = {
     "alpha": (10.0, 1.0, 50.0),
     "beta": (20.0, 1.0, 100.0),
 }
-"""Initial value, lower and upper bound of each parameter, if rms torque and rms speed are 1."""
+"""Initial value, lower and upper bound of friction-law parameters at unit rms torque and speed."""
 WINDOW = 0.05  # interval over which changes of momentum are compared with impulses [s]
 SURE = 3.0  # minimum distance of a significant parameter from 0, in standard deviations
 TURN = 0.5  # minimum range of the load angle [rad], below which gravity is nearly constant
@@ -55,7 +55,7 @@ class Search:
     friction : {"auto", "none", "coulomb", "stribeck"}
         Law of dry friction. ``"auto"`` adds a law if it improves the simulation.
     gravity : {"auto", "none", "sine"}
-        Torque of gravity. ``"auto"`` adds this torque if it improves the simulation.
+        Gravity torque. ``"auto"`` adds this torque if it improves the simulation.
     levels : mapping of str to float
         Values of the friction-law parameters. Parameters in `fix` keep these values. For all
         other parameters, the values are initial values of the fit.
@@ -63,8 +63,8 @@ class Search:
         Parameters to hold at their nominal values.
     tried : dict of str to (bool, float, float)
         Comparisons of models with and without an additional effect. The keys are the names of the
-        effects. Each value states whether the effect was added, followed by the rms simulation
-        errors in held-out pieces [rad/s] without and with the effect.
+        effects. The first entry of each value is True if the effect was added. The other entries
+        are the rms simulation errors in held-out pieces [rad/s], without and with the effect.
     """
 
     setup: Setup
@@ -108,7 +108,7 @@ class Search:
         return [setup.having(rough_guess(setup.model, seen, peak)) for peak in peaks]
 
     def _rigid(self) -> dict[str, float]:
-        """Return rough parameters of a rigid axis, computed from changes of its momentum."""
+        """Return rough parameters of a rigid axis, computed from changes in its momentum."""
         log = self.setup.log
         window = max(round(WINDOW / log.period), 1)
         impulse = log.period * np.convolve(log.u, np.ones(window), "valid")
@@ -123,9 +123,9 @@ class Search:
         able = "speed_motor" in model.states and "J_m" in model.parameters
         if kind in FRICTION and not (able or model.laws):
             raise LogError(
-                f"--friction {kind} needs a model that, unlike {model.name}, has a state "
-                "speed_motor and a parameter J_m. Write a [[law]] in the TOML file, or use "
-                "--friction none"
+                f"--friction {kind} needs a model with the state speed_motor and the parameter "
+                f"J_m, but {model.name} lacks at least one of them. Write a [[law]] in the TOML "
+                "file, or use --friction none"
             )
         if not able or model.laws:
             return best
@@ -207,7 +207,7 @@ class Search:
         return setups
 
     def _explored(self, setups: Sequence[Setup]) -> Fit:
-        """Fit a part of the log from each setup, and then the log from the best of these fits."""
+        """Fit part of the log from each setup, and then the log from the best of these fits."""
         fits = (Fit(setup, setup.part(ENOUGH).solve(most=STEPS, near=NEAR)) for setup in setups)
         best = min(fits, key=lambda one: one.fitted.square)
         if not np.isfinite(best.fitted.square):

@@ -63,12 +63,12 @@ def resolution(values: Array) -> float:
 
 
 def rhythm(values: Array) -> tuple[int, int, bool]:
-    """Return how often a signal is updated, and whether lines join its updates.
+    """Return how often a signal is updated, and whether it is interpolated between updates.
 
     Between updates, a signal is held or interpolated linearly. The result contains the update
-    interval in samples, the index of the first update, and whether the signal is interpolated. The
-    result is ``(1, 0, False)`` if the signal is updated at every sample, or if its resolution is
-    too coarse to detect updates.
+    interval in samples, the index of the first update, and a flag that is True if the signal is
+    interpolated. The result is ``(1, 0, False)`` if the signal is updated at every sample, or if
+    its resolution is too coarse to detect updates.
 
     Examples
     --------
@@ -177,8 +177,8 @@ def columns_beside(angle: Array) -> dict[str, Array]:
     """Return a dict of the gravity regressors (N,). The keys are the names of their gains.
 
     The regressors are −sin φ and −cos φ, where φ is the mean angle over the next sampling period T.
-    This mean is computed from a cubic polynomial through four angles. The mean of two angles would
-    have an error of T²/12 times the acceleration, which would bias the estimate of the inertia.
+    This mean is computed from a cubic polynomial through four angles. The mean of only two angles
+    would have an error of T²/12 times the acceleration, which would bias the inertia estimate.
     """
     weights = np.array([-1, 13, 13, -1]) / 24
     mean = np.convolve(np.pad(angle, (1, 2), "edge"), weights, "valid")

@@ -126,7 +126,10 @@ def fit_response(setup: Setup, response: Spectra) -> Setup:
     p, turn = len(chosen.names), -1j * omega * period
 
     def compared(x: Array) -> tuple[Array, Array]:
-        """Return the misfit (2M,) and its gradient for log(θ/nominal θ) and a delay in samples."""
+        """Return the misfit (2M,) and its gradient.
+
+        The unknowns x are the logarithms of θ/nominal θ, and a delay in samples.
+        """
         theta = chosen.theta * np.exp(x[:p])
         fitted, slopes = frequency_response(chosen, theta, omega, period=period)
         error = weight * np.log(fitted / gain * np.exp(turn * x[p]) + 1e-300)

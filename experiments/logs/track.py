@@ -100,7 +100,7 @@ class Tracked:
 def track(
     record: Record, axis: Axis, spec: Spec, *, identify: Sequence[str], start: float = 1.0
 ) -> Tracked:
-    """Run an estimator on a record, and find changes of parameters.
+    """Run an estimator on a record, and find parameter changes.
 
     The estimator reads the delayed torque and the output after both have passed through the
     whitening filter of the axis. The filter is linear, so the model is also valid for the filtered
@@ -249,7 +249,7 @@ def _interruptions(record: Record, stopped: Flags) -> list[str]:
 
 
 def _long_gaps(record: Record) -> list[tuple[int, int]]:
-    """Return the first sample of each gap longer than `LONG` rows, and the one after the gap."""
+    """Return the first sample of each gap longer than `LONG` rows, and the first one after it."""
     gaps, N = gaps_of(valid_of(record)).tolist(), len(record.time)
     return [(begin, end) for begin, end in gaps if end - begin > LONG and begin > 0 and end < N]
 
@@ -274,5 +274,5 @@ def _idle(y: Array, simulated: Array, torque: Array, period: float) -> tuple[Fla
 
 
 def default_estimator(axis: Axis) -> str:
-    """Return the recommended estimator for an axis with or without nonlinear laws."""
+    """Return the recommended estimator if the axis has nonlinear laws, else ``ekf``."""
     return RECOMMENDED if axis.model.laws else "ekf"

@@ -94,7 +94,7 @@ def write_log(
     gaps: int = 0,
     counts: int = 0,
 ) -> None:
-    """Write a record as a CSV file like the log of a robot, with columns such as ``angle [deg]``.
+    """Write a record as a CSV file that resembles a robot log, with columns like ``angle [deg]``.
 
     Parameters
     ----------

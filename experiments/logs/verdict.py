@@ -40,7 +40,7 @@ def judged(search: Search, best: Fit, chosen: Fit, fit: float, record: Record) -
     chosen : Fit
         Fit of the best model to the whole log.
     fit : float
-        Fit [%] of a simulation with the model of `best` to the held-out pieces.
+        Fit [%] between the held-out pieces and a simulation with the model of `best`.
     record : Record
         Record of the log.
     """
@@ -64,8 +64,8 @@ def judged(search: Search, best: Fit, chosen: Fit, fit: float, record: Record) -
          "noise hide the motion. Reduce the sampling rate, for example with --resample "
          f"{0.2 / period:.3g}, or use a stronger excitation"),
         ("problem", not fitted.converged,
-         "the fit did not converge. Start from these estimates with --start NAME=VALUE, or fix "
-         "the least certain parameter with --fix NAME=VALUE"),
+         "the fit did not converge. Repeat the fit from these estimates with --start NAME=VALUE, "
+         "or fix the least certain parameter with --fix NAME=VALUE"),
         ("problem", rubs,
          "dry friction improves the simulation, but --friction none excludes it. The estimate of "
          "viscous friction is therefore wrong. Use --friction auto"),
@@ -83,16 +83,18 @@ def judged(search: Search, best: Fit, chosen: Fit, fit: float, record: Record) -
         ("problem" if log.smooth else "note",
          free and lag < -HALF * log.smooth * period - EARLY * sd,
          f"the torque acts {-lag / period:.2f} samples before it is logged, which is impossible. "
-         "The torque column is late or filtered. The estimates are valid for a column shifted by "
-         "this delay. Shift the column by whole samples, or log the torque before its filter"),
+         "The torque column is late or filtered. The estimates are valid for a torque column that "
+         "is shifted by this time. Shift the column by whole samples, or log the torque before its "
+         "filter"),
         ("problem",
          free and log.output == "speed" and best.lacks and lag > FILTERED * period,
          f"the speed is low-pass filtered with a lag of about {1e3 * lag:.1g} ms, or has another "
-         "lag that a delay does not explain. Inertias and stiffnesses are therefore wrong by a few "
-         "per cent. Instead, log the angle, or log the speed before its filter"),
+         "lag that a pure delay does not explain. Inertias and stiffnesses are therefore wrong by "
+         "a few per cent. Instead, log the angle, or log the speed before its filter"),
         ("problem", log.smooth and not stated and abs(lag / period - 0.5) < HELD,
-         "the torque acts half a sample late, like a held command, although flexaxis assumes a "
-         "measured current. Give --torque-is held, or confirm a current with --torque-is smooth"),
+         "the torque acts half a sample late, as a command held between samples does, but flexaxis "
+         "assumes that the torque is a measured current. Give --torque-is held if the torque is a "
+         "command, or --torque-is smooth if it is a measured current"),
         ("note", best.lacks,
          "the simulation error exceeds the noise, so the model lacks an effect of the axis"),
         ("info", bool(compared),
@@ -142,7 +144,7 @@ def unlike(fit: Fit, usual: float | None) -> str:
     """Return a message if a log does not match an identified axis, else an empty string.
 
     The log matches the axis if the simulation error or the fit is near the expected value. The fit
-    alone is not enough, because less motion at the same absolute error means a worse fit.
+    alone is not enough: with less motion, the same absolute error means a worse fit.
 
     Parameters
     ----------
@@ -156,14 +158,14 @@ def unlike(fit: Fit, usual: float | None) -> str:
         return ""
     return (
         f"a simulation from the torque explains only {fit.percent:.1f} % of the log, but at least "
-        f"{least:.1f} % is expected. Either the axis or the motion is different, or the torque or "
-        "the angle has another unit or sign. Compare units and scales with those of the first log, "
-        "or identify the axis again"
+        f"{least:.1f} % is expected. Either the axis or the motion differs from that of the "
+        "identification, or the torque or the angle has another unit or sign. Compare the units "
+        "and scales with those of the identification log, or identify the axis again"
     )
 
 
 def correlation(white: Array) -> float:
-    """Return the largest autocorrelation (in magnitude) of a residual (N,) at lags up to `LAGS`."""
+    """Return the autocorrelation of a residual (N,) with the largest magnitude up to lag `LAGS`."""
     e = white - white.mean()
     past = [e[:-lag] @ e[lag:] / (e @ e) for lag in range(1, LAGS + 1)]
     return float(max(past, key=abs))
@@ -190,5 +192,5 @@ def validate(record: Record, axis: Axis) -> Fit:
     problem.held[-2] = True  # the offset is known
     fit = Fit(setup, setup.begun(problem, axis.offset))
     if not np.isfinite(fit.left):
-        raise LogError("this log cannot be simulated with this axis. Is the log from another axis?")
+        raise LogError("this log cannot be simulated with this axis. Check that the log is from this axis")
     return fit

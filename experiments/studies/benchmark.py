@@ -98,7 +98,7 @@ def run(
     runner : Runner
         Runner for the cases.
     swept : (sequence of Scenario, sequence of str)
-        Scenarios and estimators that a benchmark compares at equal noise of the estimates.
+        Scenarios and estimators for the comparison at equal noise of the estimates.
 
     Raises
     ------
@@ -178,8 +178,8 @@ def swept(
         Scenarios with faults.
     estimators : sequence of str
         Estimators to compare. The function adds the reference estimator to the comparison. The
-        function omits an estimator if it fails for any value of its tuning parameter in the first
-        sweep.
+        function omits every estimator that fails for at least one value of its tuning parameter in
+        the first sweep.
     seeds : sequence of int
         Seeds of the records.
     runner : Runner
@@ -206,7 +206,7 @@ def plan(path: Path) -> dict[str, Any]:
     Returns
     -------
     dict
-        The list ``variants`` contains one dict for each scenario with each combination of swept
+        The list ``variants`` contains one dict for each scenario and each combination of swept
         values. The entry ``cases`` is the number of estimator runs in the study. The entry
         ``seconds`` is the computing time on one core [s], estimated from a run of the registered
         estimators. The entry ``megabytes`` is the expected size of the results [MB].

@@ -120,7 +120,7 @@ class StudyFile(Config):
 
 
 BLANK = {"scenario": (), "estimators": (), "seeds": 1}
-"""Placeholders that replace missing or invalid values of a study file, to check its other keys."""
+"""Placeholders for missing or invalid values, with which the other keys can be checked."""
 
 
 def load_study(path: str | Path) -> Study:

@@ -170,7 +170,7 @@ def test_of_an_interpolated_log_the_samples_are_taken(tmp_path):
     result = imported(tmp_path, {n: np.round(x, 7) for n, x in lines.items()}, STATED)
     assert result.record.period == pytest.approx(T)
     np.testing.assert_allclose(result.record.angle, angle, atol=1e-7)
-    assert "every 4th row" in seen(result, "clocks").text
+    assert "one of every 4 rows" in seen(result, "clocks").text
 
 
 def test_opposite_signs(clean, tmp_path):

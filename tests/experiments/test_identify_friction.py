@@ -127,7 +127,7 @@ def test_a_validation_can_fail(found, record, tmp_path, capsys):
     replace(other, torque=0.5 * other.torque).save(there)
     words = ["identify", here, "--model", "one_mass", "-o", tmp_path / "axis.toml"]
     assert main([*map(str, words), "--validate", str(there)]) == 1
-    assert "on the other log, a simulation from the torque explains" in capsys.readouterr().out
+    assert "on the validation log, a simulation from the torque explains" in capsys.readouterr().out
 
 
 def test_less_motion_is_a_poorer_fit_and_no_contradiction():
