@@ -32,7 +32,7 @@ class Axis(BaseModel):
     model : Model
         Model with nominal values.
     tables : dict
-        Tables of the TOML file that define the model.
+        Those tables of the TOML file that define the model.
     known : bool
         True if the nominal values are given or identified, False if they are a rough guess.
     delay : float

@@ -217,7 +217,7 @@ def changes_in(
 ) -> tuple[list[Change], list[str]]:
     """Return changes in order of significance, and the parameters whose changes are undetectable.
 
-    A small change Δθ of the parameters causes the errors ε ≈ ψᵀ Δθ, where ψ is the gradient of the
+    A small change Δθ in the parameters causes the errors ε ≈ ψᵀ Δθ, where ψ is the gradient of the
     prediction. This approximation is the local approach of M. Basseville and I. Nikiforov,
     *Detection of Abrupt Changes* (1993), chapter 8. A least-squares fit in each of forty windows
     gives forty nearly independent estimates of Δθ. `explain` finds a step or a drift in these

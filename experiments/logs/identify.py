@@ -106,7 +106,7 @@ def identify(
         Axis with the nominal values at which the search starts.
     free : sequence of str
         Parameters to identify. By default, these are all parameters except k_T and r. If the
-        nominal values are known, parameters with a nominal value of 0 are also excluded.
+        nominal values are known, the default also excludes parameters with a nominal value of 0.
     fix : sequence of str
         Names of the parameters that keep their nominal values.
     levels : mapping of str to float

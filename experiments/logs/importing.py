@@ -48,8 +48,8 @@ def import_log(path: Path, *, burn_in: float | None = None, **tables: Any) -> Im
     path : Path
         A CSV, MAT, HDF5 or NetCDF file (see `read.open_log`), or a record.
     burn_in : float, optional
-        Length of the initial part of the log that is not fitted [s]. The default is 0 if the log
-        starts at rest, else 1 s or a tenth of the log, whichever is shorter.
+        Time at the start of the log that is not fitted [s]. The default is 0 if the log starts at
+        rest, else 1 s or a tenth of the log, whichever is shorter.
     **tables
         Options for reading the log, which are the attributes of `LogMap`.
 

@@ -44,8 +44,8 @@ LOG_OPTIONS: dict[str, str | tuple[str, dict[str, Any]]] = {
     ),
     "--resample HZ": ("Reduced sampling rate [Hz], which must be the logged rate divided by an "
                       "integer (default: the logged rate).", {"type": float}),
-    "--burn-in S": ("Length of the initial part of the log that the fit ignores [s] (default: 0 if "
-                    "the log starts at rest, else 1).", {"type": float}),
+    "--burn-in S": ("Time at the start of the log that the fit ignores [s] (default: 0 if the log "
+                    "starts at rest, else 1).", {"type": float}),
     "--as-log FORMAT": ("Write a CSV file that resembles the log of a real robot (default: write a "
                         "record).", {"choices": ("csv",)}),
     "--units U,…": ("Units of the written log, such as deg,A,rpm,ms (default: SI).",

@@ -34,7 +34,7 @@ UNITS: dict[str, dict[str, float]] = {
     | _OTHER[kind]
     for kind, units in _PREFIXED.items()
 }
-"""Units of each kind of signal, with factors that convert them to SI.
+"""Units of each kind of signal, with the factors that convert the units to SI.
 
 If the log contains a force, a current or a command instead of the torque, k_T is the torque per
 unit of the logged signal."""

@@ -192,5 +192,7 @@ def validate(record: Record, axis: Axis) -> Fit:
     problem.held[-2] = True  # the offset is known
     fit = Fit(setup, setup.begun(problem, axis.offset))
     if not np.isfinite(fit.left):
-        raise LogError("this log cannot be simulated with this axis. Check that the log is from this axis")
+        raise LogError(
+            "this log cannot be simulated with this axis. Check that the log is from this axis"
+        )
     return fit
