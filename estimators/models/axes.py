@@ -166,11 +166,11 @@ def real_axis(nominal: Mapping[str, float]) -> Model:
     Parameters
     ----------
     nominal : mapping
-        Nominal values of the parameters of `three_mass` and of f_c, f_s, v_s, sigma_0, sigma_1,
-        v_0, kappa and gap, which are defined in `flexaxis.estimators.models.laws`. If the nominal
-        values include ``poles``, they must also include c_sin and c_cos. If the nominal values
-        include ``mu_m``, they must also include mu_e, mu_ms, mu_es and sharpness, but need not
-        include sigma_0 and sigma_1.
+        Nominal values of the `three_mass` parameters and of f_c, f_s, v_s, sigma_0, sigma_1, v_0,
+        kappa and gap, which are defined in `flexaxis.estimators.models.laws`. If the nominal values
+        include ``poles``, they must also include c_sin and c_cos. If the nominal values include
+        ``mu_m``, they must also include mu_e, mu_ms, mu_es and sharpness, but need not include
+        sigma_0 and sigma_1.
     """
     model = three_mass(nominal)
     laws = [GEAR_FRICTION if "mu_m" in nominal else BRISTLES, GEAR_SPRING]

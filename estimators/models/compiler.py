@@ -3,8 +3,8 @@ Compilation of functions by numba at their first call; all axis models share the
 
 The decorators `compiled` and `loop` mark functions that Python calls and that numba caches. All
 other decorators in `compiler` mark functions that numba compiles into their callers. The module
-imports numba only when a function is compiled, because importing numba takes longer than everything
-else that is needed to list the estimators.
+imports numba only when a function is compiled, because this import takes longer than all other work
+that is needed to list the estimators.
 
 Numba recompiles a cached function if its own source file changes, but not if the source file of a
 function that it calls changes. The name of the cache folder is therefore a digest of all source
@@ -39,11 +39,11 @@ class Compiled:
         Python function that numba should compile.
     kept : bool
         Whether Python calls the function and numba caches the compiled code. If ``kept`` is False,
-        numba compiles the function into its callers, and a call from Python, as in a test, runs the
-        uncompiled function.
+        numba compiles the function into its callers. A call from Python, as in a test, then runs
+        the uncompiled function.
     **options : Any
-        Options of `numba.njit`. Unless ``_nrt`` is True, the function can create views but no
-        arrays, because the compiled code does not count references.
+        Options of `numba.njit`. If ``_nrt`` is False (default), the compiled code does not count
+        references, so the function can create views but no arrays.
     """
 
     def __init__(self, function: Callable, *, kept: bool = False, **options: Any) -> None:
@@ -99,7 +99,7 @@ def _alone(name: str) -> Iterator[None]:
     if folder is None:
         _tell(
             "compiling filters in every process, because no cache folder is writable; "
-            "FLEXAXIS_COMPILED can name a writable folder"
+            "to compile only once, set FLEXAXIS_COMPILED to a writable folder"
         )
     else:
         with suppress(FileExistsError):  # another process has begun and printed the message

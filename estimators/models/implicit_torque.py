@@ -62,7 +62,7 @@ def assign(laws, theta):
 @fused
 def react(axis, h, u, X):
     """
-    Add the effects of all nonlinear torques to the states after a step and to their derivatives.
+    After a step, add the effects of all nonlinear torques to the states and their derivatives.
 
     Parameters
     ----------

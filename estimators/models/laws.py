@@ -223,11 +223,13 @@ class Law:
 
     def __post_init__(self) -> None:
         if self.kind not in LAWS:
-            raise EstimatorError(f"unknown law {self.kind!r}: {did_you_mean(self.kind, KINDS)}")
+            raise EstimatorError(
+                f"unknown torque law {self.kind!r}: {did_you_mean(self.kind, KINDS)}"
+            )
         for name in self.parameters:
             if name not in self.roles:
                 raise EstimatorError(
-                    f"law {self.kind!r} has no parameter {name!r}: "
+                    f"the torque law {self.kind!r} has no parameter {name!r}: "
                     + did_you_mean(name, self.roles)
                 )
         for name, role in self.roles.items():
@@ -236,7 +238,9 @@ class Law:
                 continue
             if not value >= 0 or (role.needed and not value > 0):
                 least = "above 0" if role.needed else "at least 0"
-                raise EstimatorError(f"law {self.kind!r}: {name} must be {least}, not {value!r}")
+                raise EstimatorError(
+                    f"torque law {self.kind!r}: {name} must be {least}, not {value!r}"
+                )
         for formula in self.acts.values():
             multiply_out(formula)
         if not self.drive or not self.acts:
@@ -248,7 +252,7 @@ class Law:
 
     @property
     def roles(self) -> Mapping[str, Role]:
-        """Roles of the law's parameters, keyed by role name."""
+        """Properties of the law's parameters, keyed by role name."""
         return LAWS[self.kind].roles
 
     @property

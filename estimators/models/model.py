@@ -44,8 +44,8 @@ class Model:
         Names of the states that are set to zero at the start of every sample, together with their
         sensitivities.
     positive, nonnegative, nonzero : sequence of str
-        Names of the parameters whose nominal values must be positive, must not be negative, or must
-        not be zero.
+        Names of the parameters whose nominal values must be positive, nonnegative or nonzero,
+        respectively.
     identify : sequence of str
         Names of the parameters that are identified by default.
     fixed : sequence of str
@@ -143,7 +143,7 @@ class Model:
 
     @property
     def law_parameters(self) -> frozenset[str]:
-        """Names of the parameters of all torque laws, which are allowed to be zero."""
+        """Names of all torque law parameters, which are allowed to be zero."""
         return frozenset(name for law in self.laws for name in law.names)
 
     def monomials(self) -> Iterator[tuple[int, int, Monomial]]:

@@ -79,7 +79,7 @@ class Fitted:
 
     @cached_property
     def gradient(self) -> Array:
-        """Whitened ŷ derivatives (q, N), with zeros for initial states without a lasting effect."""
+        """Whitened derivatives of ŷ (q, N); zero for initial states without a lasting effect."""
         J = lfilter(self.inverse, 1.0, self.slopes, axis=1) * self.good
         size, seen = (np.linalg.norm(rows, axis=1) for rows in (self.slopes, J))
         states = slice(self.problem.trajectory.first, -2)
@@ -291,9 +291,9 @@ def jackknife(J: Array, e: Array, good: Flags, key: Array | None = None) -> Arra
     The regression represents the residuals e (N,) as a linear combination of the rows of J (q, N).
     The function `pieces` divides the record into segments, and the jackknife omits each segment
     once. One Gauss–Newton step from the estimate for the full record yields the estimate without
-    one segment. For white noise, the jackknife standard deviations agree with the covariance. Model
-    errors increase the jackknife standard deviations. The method is described in *The jackknife
-    estimate of variance* (Efron and Stein, 1981).
+    one segment. For white noise, the jackknife standard deviations agree with those from the
+    covariance matrix. Model errors increase the jackknife standard deviations. The method is
+    described in *The jackknife estimate of variance* (Efron and Stein, 1981).
     """
     number = np.where(good, pieces(good, key), PIECES)
     parts = [J[:, number == i] for i in range(PIECES)]

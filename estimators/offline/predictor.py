@@ -28,7 +28,9 @@ def as_torque(values: ArrayLike) -> Array:
             raise ValueError
     except (TypeError, ValueError):
         text = " ".join(reprlib.repr(values).split())
-        raise EstimatorError(f"torque is {text}; give the torque of a run in N m") from None
+        raise EstimatorError(
+            f"torque is {text}; give the torque of a run in N m, one number for each sample"
+        ) from None
     return torque
 
 

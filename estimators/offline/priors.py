@@ -1,5 +1,5 @@
 """
-Initial covariance P(0), drift covariance Δ, and the resulting tracking speed and noise.
+Initial covariance P(0), drift covariance Δ, and the resulting speed and noise of the estimates.
 
 The functions in `priors` compute P(0) and Δ by the recipe of Östring and Gunnarsson. The module
 also contains stored values of P(0) and Δ for the nominal axis. Near the true parameters, the

@@ -92,14 +92,14 @@ def known_better(model: Model, thought: Prior, deviations: Mapping[str, float]) 
     """Return the prior, with standard deviations replaced by those given in ``deviations``."""
     if not isinstance(deviations, Mapping):
         raise EstimatorError(
-            f"deviations is {deviations!r}; give a mapping from parameter names to standard "
-            "deviations"
+            f"the option deviations is {deviations!r}; give a mapping from parameter names to "
+            "standard deviations"
         )
     known = [name.removeprefix("1/") for name in thought.names]
     for name in deviations:
         if name not in known and name not in model.parameters:
             raise EstimatorError(
-                f"deviations contains {name!r}, which is not a parameter of the model: "
+                f"the option deviations contains {name!r}, which is not a parameter of the model: "
                 + did_you_mean(str(name), known)
             )
     deviation = thought.deviation.copy()
