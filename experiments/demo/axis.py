@@ -1,4 +1,4 @@
-"""Simulate the axis in closed loop, with changes of parameters, friction, sensor and reference."""
+"""Simulate an axis in closed loop, and change its parameters, friction, sensor and reference."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -29,16 +29,16 @@ FRICTION: Mapping[str, Mapping[str, Any]] = {
         }
     },
 }  # fmt: skip
-"""Scenario tables that define each friction model in the demo, keyed by label on the web page.
+"""Scenario tables that define each friction model, keyed by the model's label on the web page.
 
-For comparison with the friction torques, the root-mean-square motor torque is 0.85 N m.
+Compare the friction torques with the root-mean-square motor torque, which is 0.85 N m.
 """
 
 SENSORS: Mapping[str, Mapping[str, Any]] = {
     "speed with noise": {},
     "encoder, 2048 counts": {"output": "angle", "encoder": {"counts": 2048}},
 }
-"""Scenario keys that define each motor sensor in the demo, keyed by label on the web page.
+"""Scenario keys that define each motor sensor, keyed by the sensor's label on the web page.
 
 The encoder rounds the motor angle to the nearest count, but adds no noise.
 """
@@ -108,7 +108,7 @@ class LiveAxis:
 
     @property
     def angles(self) -> Array:
-        """Angles (3,) of motor, gear and arm [rad]."""
+        """Angles of motor, gear and arm [rad], as an array (3,)."""
         angles: Array = self._plant.angles[0].copy()
         return angles
 
@@ -171,8 +171,8 @@ class LiveAxis:
         Returns
         -------
         torque, measured, excited : ndarray (samples,)
-            Torque [N m], measured speed [rad/s] or measured angle [rad], and whether the reference
-            moves at each sample.
+            Torque [N m], measured motor signal (speed [rad/s] or angle [rad]), and whether the
+            reference moves, at each sample.
         """
         torque, speed, angle = np.empty((3, samples))
         excited = np.empty(samples, bool)

@@ -35,7 +35,7 @@ LATEST = 8
 
 
 class Page:
-    """The web page of a demo session; a lock separates user actions from the simulation.
+    """The web page of a demo session; a lock keeps user actions from interrupting the simulation.
 
     Parameters
     ----------
@@ -51,8 +51,8 @@ class Page:
     paused : bool
         Whether a user has paused the simulation.
     steps : int
-        Number of single steps (`MARK` samples each) that a user has requested and that are still
-        pending.
+        Number of single steps that a user has requested and that are still pending. A single step
+        consists of `MARK` samples.
     """
 
     def __init__(self, server: Any, session: DemoSession, acts: list[dict[str, Any]]) -> None:
@@ -69,7 +69,7 @@ class Page:
         self._add_curves()
 
     def advance(self, samples: int) -> None:
-        """Simulate the next samples, and then perform all due actions of the lesson."""
+        """Simulate the next samples, and then perform all lesson actions that are due."""
         with self._lock:
             self._session.advance(samples)
             while self._acts and self._acts[0]["at"] <= self._session.axis.time:
@@ -201,7 +201,7 @@ def _plot(gui: Any, title: str, lines: Sequence[tuple[str, str]], **scales: Any)
 
 
 def _since(values: Array) -> tuple[Array, ...]:
-    """Return the plot data: the time since a change (n,), and the k columns of `values`."""
+    """Return the plot data: the times since a change, and the columns of the array `values`."""
     return (PERIOD * np.arange(1.0, len(values) + 1), *values.T)
 
 

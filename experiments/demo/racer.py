@@ -96,7 +96,7 @@ class Racer:
 
     @property
     def deviation(self) -> Array:
-        """Reported standard deviations of the parameters in `SHOWN`, or NaN, as an array (4,)."""
+        """Reported standard deviations (4,) of the parameters in `SHOWN`; NaN if there is none."""
         covariance = getattr(self._estimator, "covariance", None)
         if covariance is None:
             return np.full(len(SHOWN), np.nan)
@@ -104,7 +104,7 @@ class Racer:
 
     @property
     def finding(self) -> str:
-        """Description and delay of the first reported change since the last call of `watch`."""
+        """First change reported since the last call of `watch`, and its delay, or an empty text."""
         for finding in getattr(self._estimator, "findings", None) or ():
             if finding.alarm >= self._changed:
                 changes = zip(finding.parameters, finding.ratio, strict=False)
@@ -113,10 +113,11 @@ class Racer:
         return ""
 
     def shown(self, values: Array) -> Array:
-        """Return the columns of the parameters in `SHOWN`, as an array (…, 4).
+        """Return the columns of `values` for the parameters in `SHOWN`, as an array (…, 4).
 
-        The columns of `values` (…, p) correspond to the parameters that the estimator estimates. If
-        the estimator does not estimate a parameter in `SHOWN`, the returned column is NaN.
+        The array `values` (…, p) has one column for each parameter that the estimator estimates. If
+        the estimator does not estimate a parameter in `SHOWN`, the returned column of this
+        parameter is NaN.
         """
         missing = np.full((*values.shape[:-1], 1), np.nan)
         columns: Array = np.concatenate([values, missing], axis=-1)[..., self._columns]
@@ -165,9 +166,10 @@ class Racer:
     def join(self, recent: Array, P: Array | None = None) -> None:
         """Run a new estimator on recent samples, because the axis is already in motion.
 
-        The rows of `recent` (2, n) are the torque [N m] and the measured signal. The first measured
-        samples are marked as missing. At a missing sample, the predictor uses only the torque.
-        During these samples, the initial state error of the predictor therefore decays.
+        The two rows of the array `recent` (2, n) contain the torque [N m] and the measured signal.
+        The first measured samples are marked as missing. At a missing sample, the predictor uses
+        only the torque. Therefore the initial state error of the predictor decays during the
+        missing samples.
         """
         self._seen = 0
         torque, measured = recent
@@ -189,7 +191,7 @@ class Racer:
         return np.array([*known, max(bank.values(), default=0.0)])
 
     def _build(self, tuning: Mapping[str, float]) -> Estimator:
-        """Create an estimator with the options `tuning`, which starts at the current estimates."""
+        """Create an estimator that has the options `tuning` and starts at the current estimates."""
         values = dict(self._nominal)
         for (parameter, exponent), value in zip(map(physical, NAMES), self.theta, strict=False):
             values[parameter] = float(value) ** exponent

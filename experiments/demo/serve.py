@@ -1,4 +1,4 @@
-"""Start the web server of the live demo, restrict access, and run the simulation in real time."""
+"""Start the web server of the live demo with restricted access, and simulate in real time."""
 
 import io
 import signal
@@ -86,7 +86,7 @@ def serve(
 
 
 def load_lesson(path: Path) -> dict[str, Any]:
-    """Read a lesson file, and return its content with the tables ``[[act]]`` in order of time.
+    """Read a lesson file, and return its content with the ``[[act]]`` in chronological order.
 
     A lesson file can also contain the keys ``estimators`` and ``seed``. Each ``[[act]]`` contains a
     time ``at`` [s] and the name ``do`` of an action in `flexaxis.experiments.demo.session.ACTIONS`.
@@ -96,7 +96,7 @@ def load_lesson(path: Path) -> dict[str, Any]:
     Raises
     ------
     FlexaxisError
-        If the lesson file cannot be read, or if an ``[[act]]`` does not contain ``at`` and ``do``.
+        If the lesson file cannot be read, or if an ``[[act]]`` lacks the key ``at`` or ``do``.
     """
     lesson = toml_tables(read_text(path, FlexaxisError), source=str(path), refuse=FlexaxisError)
     acts = lesson.get("act", [])

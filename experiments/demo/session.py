@@ -31,7 +31,7 @@ BUTTONS: Mapping[str, tuple[str, float]] = {
     "weak motor k_T × 0.9": ("k_T", 0.9),
     "soft arm k_a × 0.9": ("k_a", 0.9),
 }
-"""Parameter that each fault button changes, and ratio of its new value to its nominal value."""
+"""For each fault button, the parameter that it changes and the ratio of new to nominal value."""
 
 
 ACTIONS = (
@@ -104,9 +104,9 @@ class DemoSession:
         """Return the plotted curves of the last `SPAN` seconds, with one point per `MARK` samples.
 
         The array ``truth`` (M, 4) contains the true parameter values at the times ``time`` (M,).
-        The arrays ``theta`` and ``deviation`` (M, 2, 4) contain the estimates of both estimators
-        and their standard deviations. The last dimension of these arrays corresponds to the
-        parameters in `SHOWN`. Missing values are 0.
+        The arrays ``theta`` and ``deviation``, both (M, 2, 4), contain the estimates of both
+        estimators and the standard deviations of these estimates. The last dimension of each array
+        except ``time`` corresponds to the parameters in `SHOWN`. Missing values are 0.
         """
         names = ("time", "truth", "theta", "deviation")
         columns = [np.nan_to_num(column) for column in zip(*self._marks, strict=True)]
@@ -128,14 +128,15 @@ class DemoSession:
         return True
 
     def inject(self, parameter: str, factor: float) -> str:
-        """Set a parameter to `factor` times its nominal value, and start to record the errors."""
+        """Set a parameter to `factor` times nominal, and start to record the estimation errors."""
         if parameter not in self.axis.nominal or not 0.5 <= factor <= 2:
             raise FlexaxisError(
-                f"{parameter} × {factor:g}: use a parameter of the axis, and a factor of 0.5 to 2"
+                f"{parameter} × {factor:g}: use a parameter of the axis, and a factor between 0.5 "
+                "and 2"
             )
         if self.factors.get(parameter) == factor:
             raise FlexaxisError(
-                f"{parameter} is already {factor:g} times nominal: first repair the axis"
+                f"{parameter} is already {factor:g} times its nominal value: repair the axis first"
             )
         before, factors = self.axis.theta(SHOWN), self.factors | {parameter: factor}
         self.axis.set_factors(factors)
@@ -199,7 +200,7 @@ class DemoSession:
         return f"{racer} is now {estimator}"
 
     def _follow(self, what: str, before: Array) -> str:
-        """Start to record the errors after a parameter change, and return its description."""
+        """Start to record the errors after a change, and return the description of the change."""
         change = Change(self.axis, what, before)
         self.changes.append(change)
         for racer in self.racers:

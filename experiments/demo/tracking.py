@@ -1,4 +1,4 @@
-"""Compare the errors of two estimators after a parameter change with the Cramér–Rao bound.
+"""After a parameter change, compare the errors of two estimators with the Cramér–Rao bound.
 
 The errors and bounds include only samples at which the reference moves (see docs/scores.md).
 """
@@ -70,7 +70,7 @@ class Change:
 
     @property
     def open(self) -> bool:
-        """Whether the curves are still incomplete, so that `take` adds further samples."""
+        """Whether the curves are still incomplete; if so, `take` appends further samples."""
         return self.parameter is not None and len(self.curves) < LENGTH
 
     @property

@@ -109,8 +109,7 @@ def poses(record: Record, *, exaggerate: float) -> Array:
 def exaggerated(angles: Array, *, ratio: float, exaggerate: float) -> Array:
     """Magnify the joint twist, and return the angles at which to draw the n masses [rad].
 
-    The function multiplies the deviation of each mass from the angle of a rigid axis by
-    `exaggerate`.
+    In the drawing, each mass deviates `exaggerate` times as far from the angle of a rigid axis.
     """
     drawn = np.array(angles)
     rigid = ratio * drawn[..., :1]
@@ -136,7 +135,7 @@ def _draw(mujoco: Any, model: Any, data: Any, path: Path) -> None:
 
 
 def _replay(mujoco: Any, model: Any, data: Any, angles: Array, period: float) -> None:
-    """Replay the motion with the angles (N, n) in a window, until the user closes the window."""
+    """Replay the motion given by `angles` (N, n) in a window, until the user closes the window."""
     try:
         viewer = import_module("mujoco.viewer").launch_passive(model, data)
     except Exception as error:
@@ -153,7 +152,7 @@ def _replay(mujoco: Any, model: Any, data: Any, angles: Array, period: float) ->
 
 
 def scene(name: str = DEFAULT) -> tuple[Any, Any, Any]:
-    """Return the module mujoco, the scene with floor, light and camera, and the simulation data."""
+    """Return the module `mujoco`, the model of the axis in a scene, and the simulation data."""
     import mujoco
 
     _, assets = model_files(name)

@@ -1,8 +1,8 @@
 """Draw the figures of flexaxis. Each function draws one figure and returns a matplotlib Figure.
 
-Report pages, the methods `.plot()`, notebooks and the documentation use the functions of this
-module. The function `styles.tag` adds tags to the curves, so that a page can hide estimators and
-show values on hover. Figures are 430 px wide, so several figures fit side by side on a screen.
+Report pages, notebooks, the documentation and the `.plot()` methods use this module. The function
+`styles.tag` adds tags to the curves, so that a page can hide estimators and show values on hover.
+Figures are 430 px wide, so several figures fit side by side on a screen.
 """
 
 from collections.abc import Mapping, Sequence
@@ -48,9 +48,9 @@ class Series:
     label : str
         Label in the legend (default: the name of the estimator).
     role : {"", "truth", "bound", "data"}
-        Type of the data: an empty text for an estimator, or a true value, a bound or other data.
+        Type of the data: "" for data of an estimator, or true values, a bound, or other data.
     kind : {"line", "steps", "points", "both"}
-        Drawing type, which is a line, a staircase line, points, or points joined by a line.
+        Drawing type: a line, a staircase line, points, or points joined by a line ("both").
     """
 
     x: Any
@@ -64,7 +64,7 @@ class Series:
 
 
 def new(height: float, count: int = 1) -> list[Any]:
-    """Create a figure with `count` axes below each other and a height of `height` pixels."""
+    """Create a figure that is `height` pixels high, and return its `count` stacked axes."""
     figure = Figure(figsize=(430 / 96, height / 96))
     return list(figure.subplots(count, sharex=True, squeeze=False)[:, 0])
 
@@ -86,7 +86,7 @@ def curves(
     Parameters
     ----------
     panels : mapping of str to sequence of Series
-        Curves of each panel, keyed by the label of the vertical axis.
+        Curves of each panel, keyed by the label of its vertical axis.
     x : str
         Label of the horizontal axis.
     logs : sequence of str
@@ -125,7 +125,7 @@ def curves(
 
 
 def _usual(ax: Axes) -> tuple[float, float] | None:
-    """Return axis limits that ignore outliers and include most of the values."""
+    """Return limits of the vertical axis that leave out outliers, or None for default limits."""
     values = np.concatenate([line.get_ydata() for line in ax.get_lines()] or [[]])
     if len(values) < 100:
         return None
@@ -152,7 +152,7 @@ def _draw(ax: Axes, one: Series, looks: Looks) -> None:
 
 
 def logarithmic(axis: Any) -> None:
-    """Make an axis logarithmic, with labels at 1, 2 and 5 or, for a wide range, at decades."""
+    """Make an axis logarithmic; label 1, 2 and 5 of each decade (only 1 if the range is wide)."""
     axis.axes.set(**{f"{axis.axis_name}scale": "log"})
     low, high = axis.get_view_interval()
     axis.set_major_locator(LogLocator(subs=(1, 2, 5) if high < 2e3 * low else (1,)))
@@ -180,7 +180,7 @@ def _rows(ax: Any, names: Sequence[str], label: str, **options: Any) -> Figure:
 def over_bound(
     matched: pd.DataFrame, order: Sequence[str], faults: Mapping[str, str], *, looks: Looks = USUAL
 ) -> Figure:
-    """Draw the ratios of lag to Cramér–Rao bound, one row per estimator and one dot per fault.
+    """Draw the ratios of lag to Cramér–Rao bound, with a row per estimator and a dot per fault.
 
     Horizontal lines are 95 % confidence intervals. The vertical line at 1 is the Cramér–Rao bound.
 
@@ -211,7 +211,7 @@ def over_bound(
 
 
 def around(scenario: Scenario) -> dict[str, Any]:
-    """Return options for `curves` to mark the events, the burn-in and the pauses of a scenario."""
+    """Return options that make `curves` mark the events, burn-in and pauses of a scenario."""
     edges = np.flatnonzero(np.diff(np.r_[1, scenario.excited(), 1])) * scenario.period
     still = [(*pair, "no excitation") for pair in edges.reshape(-1, 2)]
     return {
@@ -224,7 +224,7 @@ def medians(
     traces: Mapping[str, Mapping[int, Any]], scenario: Scenario, name: str,
     window: tuple[float, float], *, banded: Sequence[str],
 ) -> list[Series]:  # fmt: skip
-    """Return the curve of the true value, and the median curves of all estimators.
+    """Return curves of the true parameter value and of each estimator's median estimates.
 
     Parameters
     ----------
@@ -275,7 +275,7 @@ def speed_noise(swept: pd.DataFrame, faults: Mapping[str, str], *, looks: Looks 
 
 
 def lines(rows: pd.DataFrame, x: str, y: str, kind: Any = "both") -> list[Series]:
-    """Return a curve with error bars for each estimator and, for the lag, the curve of its bound.
+    """Return a curve with error bars for each estimator, and the lag bound if `y` is the lag.
 
     Parameters
     ----------
@@ -285,7 +285,7 @@ def lines(rows: pd.DataFrame, x: str, y: str, kind: Any = "both") -> list[Series
     x, y : str
         Names of the columns for the horizontal and the vertical axis.
     kind : str
-        Drawing type of the curves, as defined by `Series`.
+        Drawing type of the curves (see `Series`).
     """
     rows, series = rows.dropna(subset=y).sort_values(x), []
     for who, own in rows.groupby("estimator", sort=False):
@@ -299,12 +299,12 @@ def lines(rows: pd.DataFrame, x: str, y: str, kind: Any = "both") -> list[Series
 
 
 def lag_against_noise(rows: pd.DataFrame, **options: Any) -> Figure:
-    """Plot the lag against the noise, with one point per table row.
+    """Plot the lag against the noise, with one point for each row of `rows`.
 
     Parameters
     ----------
     rows : DataFrame
-        Single or pooled scores in the columns ``estimator, lag, std``.
+        Scores of single runs, or pooled scores, in the columns ``estimator, lag, std``.
     **options
         Options of `curves`.
     """
@@ -314,7 +314,7 @@ def lag_against_noise(rows: pd.DataFrame, **options: Any) -> Figure:
 
 
 def shares(runs: pd.DataFrame, **options: Any) -> Figure:
-    """Draw the cumulative distribution of the ratio of lag to lag bound for each estimator.
+    """Draw, for each estimator, the cumulative distribution of the lag divided by the lag bound.
 
     The lag is regarded as infinite if a run diverged, or if the estimator does not estimate the
     changed parameter.
@@ -349,8 +349,8 @@ def score_map(
     Parameters
     ----------
     cells : DataFrame
-        Values of the score. The index contains the values of the vertical axis, and the columns
-        contain the values of the horizontal axis.
+        Values of the score. The index contains the values on the vertical axis, and the column
+        labels are the values on the horizontal axis.
     title, x, y : str
         Title and axis labels.
     limits : (float, float)
@@ -373,7 +373,7 @@ VERDICTS = {"worse": "#b3261e", "better": "#1b7f4d", "undecided": "#b26b00"}
 
 @styled
 def verdict_intervals(rows: Sequence[Mapping[str, Any]], *, axes: Axes | None = None) -> Figure:
-    """Draw the changes of scores with confidence intervals and margins, one line per score.
+    """Draw the change in each score with its confidence interval and margin, one line per score.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Create report pages as single HTML files with SVG figures, which need no network.
+"""Create report pages with SVG figures; each page is one HTML file and needs no network connection.
 
 All pages extend one template. Readers can select the text in a figure. The style sheet defines the
 colours as variables, and has a dark mode. The curves of each estimator have a CSS class, so that
@@ -35,16 +35,17 @@ def render(template: str, *, looks: Looks, **content: Any) -> str:
         Path of a template in `flexaxis.experiments`, such as ``"reporting/templates/run.html"``.
         Each template extends ``reporting/templates/page.html``, which requires a `title`.
     looks : mapping of str to Style
-        Styles (from `styles.assigned`) of the estimators that readers can hide on the page.
+        Styles, as returned by `styles.assigned`, of all estimators that readers can hide on the
+        page.
     **content
-        Values of the template variables. Text is escaped. If a template variable is missing, the
-        function raises an error.
+        Values of the template variables. Special HTML characters in text values are escaped. If a
+        template variable is missing, the function raises an error.
     """
     return TEMPLATES.get_template(template).render(styles=NINE, looks=looks, **content)
 
 
 def comparison(verdict: Mapping[str, Any]) -> str:
-    """Return the HTML page of a comparison, with the verdict and the changes of all scores.
+    """Return the HTML page of a comparison, with the verdict and the changes in all scores.
 
     Parameters
     ----------
@@ -85,7 +86,7 @@ def drawn(draw: Callable[..., Figure], label: str, *args: Any, **options: Any) -
 
 
 def _opened(group: re.Match[str]) -> str:
-    """Replace the id of an SVG group (set by `styles.tag`) with a class and a title."""
+    """Replace the id that `styles.tag` gave an SVG group with a CSS class and a title."""
     text = html.unescape(group[1] or group[2])
     estimator, tip = json.loads(text) if text.startswith("[") else ("", "")
     title = f"<title>{escape(tip)}</title>" if tip else ""
@@ -99,7 +100,7 @@ def slug(text: str) -> str:
 
 
 def symbols(text: str) -> Markup:
-    """Convert a text to HTML with formatted `code`, and with subscripts in symbols such as f_m.
+    """Convert a text to HTML, and format `code` and the subscripts of symbols such as f_m.
 
     Examples
     --------

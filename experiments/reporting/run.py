@@ -1,4 +1,4 @@
-"""Write the report of a run, with the main result first and a section for each scenario."""
+"""Write the report of a run: first the main result, and then a section for each scenario."""
 
 from collections.abc import Iterator, Mapping
 from functools import partial
@@ -108,7 +108,7 @@ class Drawing:
         return drawn
 
     def defaults(self) -> Iterator[tuple[str, Markup]]:
-        """Yield a heading and a figure for the results of all scenarios with default settings."""
+        """Yield a heading and a figure of the results of estimators with default settings."""
         if (self.runs["lag_bound"] > 0).any():
             drawn = self.draw(figures.shares, "share of runs", self.runs)
             yield "Distribution of the ratio of lag to lag bound over all runs", drawn
@@ -132,7 +132,7 @@ class Drawing:
         return section | {"figures": drawn, "table": table} | self._runs(name)
 
     def _runs(self, name: str) -> dict[str, Any]:
-        """Return a figure and a table of the single runs of a scenario, worst runs first."""
+        """Return a figure and a table of a scenario's single runs; the worst runs come first."""
         runs = self.runs.sort_values(["changed", "diverged", "lag", "std"], ascending=False)
         runs = runs[runs["scenario"] == name].drop_duplicates(["estimator", "seed"])
         shown = runs.groupby("estimator").head(MANY)

@@ -111,7 +111,7 @@ def answer(summary: Row) -> tuple[str, list[str]]:
     first = [name for name in order_of(summary) if wins.get(name) == wins.max() > 0]
     if not first or len(first) == len(near):
         return f"The estimators do not differ significantly over {len(summary['seeds'])} seeds", []
-    where = f"in {wins.max()} of {faults} faults"
+    where = f"for {wins.max()} of {faults} faults"
     names = dict.fromkeys([*first, *near.index.intersection([REFERENCE])])
     return _title(matched, first, where), [f"{takes(who, near[who])}." for who in names]
 
@@ -129,9 +129,9 @@ def _title(matched: pd.DataFrame, first: Sequence[str], where: str) -> str:
 
 
 def warning(rows: Sequence[Row], scenarios: Mapping[str, Row]) -> tuple[str, str] | None:
-    """Return a warning of biased estimates, and the name of the scenario with biased estimates.
+    """Return a warning about biased estimates, and the name of the scenario that it concerns.
 
-    The warning names the scenario with the largest fraction of biased estimators.
+    The warning concerns the scenario in which the largest fraction of estimators is biased.
 
     Parameters
     ----------
@@ -164,7 +164,7 @@ def warning(rows: Sequence[Row], scenarios: Mapping[str, Row]) -> tuple[str, str
 
 
 def failures_in_words(failures: Sequence[Row]) -> list[tuple[str, int]]:
-    """Return a sentence on the first failure of each estimator, and the number of failures.
+    """Return, for each estimator, a sentence on its first failure and its number of failures.
 
     Parameters
     ----------

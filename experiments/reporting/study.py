@@ -30,7 +30,10 @@ def render(results: Results) -> str:
         If all simulations of the study failed.
     """
     if not results.frame["parameter"].any():
-        raise StudyError("all simulations failed: see the column `error` for the reasons")
+        raise StudyError(
+            "all simulations of the study failed; see the column `error` of the results for the "
+            "reasons"
+        )
     axes, study = numeric_axes(results), results.study
     table = _table(results)
     looks = assigned(name for name, _ in table.rows)
@@ -54,7 +57,7 @@ def render(results: Results) -> str:
 
 
 def numeric_axes(results: Results) -> list[str]:
-    """Return the swept settings with several numeric values, with the fault settings first."""
+    """Return the swept settings that have several numeric values; fault settings come first."""
     axes = results.frame[list(results.axes)].select_dtypes("number")
     return sorted(axes.columns[axes.nunique() > 1], key=lambda axis: not axis.startswith("fault"))
 
@@ -90,7 +93,7 @@ def _changed(results: Results, axes: Sequence[str]) -> pd.DataFrame:
 
 
 def over_axis(results: Results, axis: str, *measures: str) -> dict[str, Any]:
-    """Return options for `curves` to plot scores against a swept setting of a study.
+    """Return options that make `curves` plot scores against a swept setting of a study.
 
     The figure has one panel for each combination of score and parameter.
 
@@ -112,7 +115,7 @@ def over_axis(results: Results, axis: str, *measures: str) -> dict[str, Any]:
 
 
 def _maps(results: Results) -> Iterator[tuple[str, list[Markup]]]:
-    """Yield a heading and one lag map per estimator for each pair of swept settings."""
+    """For each pair of swept settings, yield a heading and one lag map per estimator."""
     for y, x in combinations(numeric_axes(results), 2):
         heading = f"lag [s] over {axis_words(x)} and {axis_words(y)}"
         maps = _changed(results, [x, y]).pivot_table("lag", ["estimator", y], x)
@@ -123,7 +126,7 @@ def _maps(results: Results) -> Iterator[tuple[str, list[Markup]]]:
 
 
 def _table(results: Results) -> tables.Table:
-    """Return a table of the pooled scores for each combination of swept settings.
+    """Return one table with the pooled scores for all combinations of swept settings.
 
     The rows of the changed parameters come first.
     """

@@ -1,9 +1,9 @@
-"""The matplotlib settings of all figures, and nine styles with a colour, dash and marker.
+"""The matplotlib settings of all figures, and nine styles (colour, dash pattern and marker).
 
 The colour difference ΔE*76 between any two of the nine colours is at least 20, even for readers
 with deuteranopia. The contrast between each colour and the background is at least 3 in light and
-dark mode (WCAG 2.1, 1.4.11). The colours come from a random search near named hues. If you change a
-colour, compute the colour differences and the contrast again.
+dark mode (WCAG 2.1, 1.4.11). The colours were found by a random search near named hues. If you
+change a colour, compute the colour differences and the contrast again.
 """
 
 import json
@@ -35,8 +35,8 @@ class Style:
     marker : str
         Marker code of matplotlib.
     hollow : bool
-        True if the markers have no fill colour. From the tenth estimator on a page, the markers are
-        hollow.
+        True if the markers have no fill colour, as for the tenth and all further estimators on a
+        page.
     """
 
     place: int

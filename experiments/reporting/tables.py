@@ -1,4 +1,4 @@
-"""Format numbers, and create tables for pages and the terminal from a DataFrame."""
+"""Format numbers, and convert DataFrames to tables for report pages and the terminal."""
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 SYMBOL = re.compile(r"(?<![\w-])([A-Za-zΔθσψεμλτ])_([A-Za-z0-9θ]{1,3})(?![A-Za-z0-9_-])")
-"""Regular expression for a symbol with a subscript, such as f_m, but not inside longer words."""
+"""Regular expression for symbols with subscripts, such as f_m, that are not inside longer words."""
 
 COLUMNS = {
     "lag": "lag [s]",
@@ -45,7 +45,7 @@ class Table(NamedTuple):
 
 
 def table(name: str, rows: pd.DataFrame, columns: Mapping[str, str]) -> Table:
-    """Create a table from columns of a DataFrame, with confidence intervals in small text.
+    """Create a table from some columns of a DataFrame, with confidence intervals in small text.
 
     Parameters
     ----------

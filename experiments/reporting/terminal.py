@@ -24,8 +24,8 @@ LEGEND = (
     "5 s (an estimator that never reacts has a lag of 5 s)",
     "The bound is the Cramér–Rao bound for an estimator that knows the time of the fault, but not "
     "the changed parameter",
-    "≤ and ≥ mark upper and lower limits of the lag, if an estimator has no setting that is as "
-    f"noisy as {REFERENCE}",
+    "≤ and ≥ mark upper and lower limits of the lag of estimators that cannot be tuned to the "
+    f"noise of {REFERENCE}",
 )
 
 
