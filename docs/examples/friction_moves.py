@@ -11,7 +11,9 @@ scenario = find_scenario("coulomb_moves_fm_step-v1")  # f_c = 0.1 N m; f_m +50 %
 records = simulate(scenario, range(1000, 1006))
 k_T_known = {"glr": {"identify": ("f_m",), "track": ("f_c",)}}
 
-print("estimator          k_T        f_m before [%]  f_c before [%]  f_m after [%]   alarms, right")
+print(
+    "estimator          k_T        f_m before [%]  f_c before [%]  f_m after [%]   alarms, correct"
+)
 for name, known in k_T_known.items():
     for label, options in (("estimated", {}), ("known", known)):
         errors, found = [], []

@@ -22,8 +22,8 @@ class Ukf:
     knob = "walk"  # tuning parameter that trades noise for speed
 
     def __init__(self, nominal, period, *, walk=0.001162, spread=0.2):
-        # walk: std of the change of a relative parameter in 1 s; spread: initial std of the
-        # parameter
+        # walk: std of the change in a relative parameter over 1 s; spread: initial std of the
+        # relative parameter
         self.nominal, self.period = dict(nominal), period
         self.start = np.array([nominal["k_T"], 1 / nominal["J_a"], nominal["f_m"]])
         self.xi = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0])  # theta/start, x
@@ -68,7 +68,7 @@ class Ukf:
     def _learn_noise(self, residual):
         """Estimate the variance of the measurement noise with a time constant of 2 s.
 
-        Third differences remove the slow part of the residual, which comes from wrong parameters.
+        The slow part of the residual comes from wrong parameters, and third differences remove it.
         """
         self.last = np.append(self.last[1:], residual)
         self.samples += 1

@@ -3,8 +3,8 @@ Two estimators after a 50 % increase in motor friction at 10 s
 ==============================================================
 
 The method with a forgetting factor adapts all parameters with a memory of one second. The estimator
-`glr` determines which parameter jumped, and changes only its estimate. The bands are the ±2σ
-intervals that the estimators report.
+`glr` determines which parameter jumped, and changes only the estimate of that parameter. The bands
+are the ±2σ intervals that the estimators report.
 """
 
 import flexaxis as fx

@@ -1,5 +1,5 @@
 """
-Verdict on an estimator change in two scenarios: better, worse or undecided
+Verdict on a changed estimator in two scenarios: better, worse or undecided
 ===========================================================================
 """
 

@@ -39,7 +39,7 @@ print(f"relative error of the gradient for f_m: {error:.1e}")
 omega, power = line_spectrum(record.torque[-4000:], period=0.005)
 from_spectrum = np.diag(information(model, model.theta, omega, power, period=0.005))
 ratio = time_average / from_spectrum
-print("ratio of the time average to the sum (28):", ratio.round(4))
+print("ratio of the time average of psi^2 to the sum (28):", ratio.round(4))
 
 # %% Contribution of each frequency
 # Question 1: which frequencies contain the information about J_a, and which contain the information

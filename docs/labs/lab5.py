@@ -68,7 +68,7 @@ bound = (1 - FORGETTING) / 0.3
 bursts = [np.abs(t[restart : restart + 400, :2] - 1).max() for _, t in results.values()]
 print(
     f"check: the peak of P is {largest.max() / bound:.3f} times the bound, "
-    f"and the largest relative error is {bursts[-1]:.3f}"
+    f"and the largest relative error after the restart is {bursts[-1]:.3f}"
 )
 assert 0.9 < largest.max() / bound <= 1 + 1e-9
 assert results[0.0][0].max() > 1e3 * bound, "without mu, P winds up"

@@ -130,7 +130,7 @@ named = results["glr", "5 % off"][2]
 off = 100 * (theta[onset - 1, :3] / nominal) ** [1, -1, 1] - 100
 print("errors in the last run of glr: k_T {:+.1f} %, J_a {:+.1f} %, f_m {:+.1f} %".format(*off))
 print(
-    f"with 5 % errors in the nominal values, glr reports a change in f_m alone "
+    f"with 5 % errors in the nominal values, glr reports a single change, in f_m, "
     f"in {named} of {len(records)} runs"
 )
 

@@ -80,7 +80,7 @@ plt.show()
 # the moves determine neither f_m nor f_c if certain other parameters are unknown. Which parameters
 # are these, and why?
 def least(scenario, record, unknown):
-    """Return the Cramér–Rao bounds [%] on f_m and f_c after 10 s, and the error correlation."""
+    """Return the Cramér–Rao bounds [%] on f_m and f_c after 10 s, and their error correlation."""
     theta = scenario.true_parameters()[0]
     model = true_model(scenario, theta).parametrize(unknown)
     at = model_theta(scenario, unknown, theta)

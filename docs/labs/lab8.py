@@ -56,7 +56,7 @@ told = rows["f_m"]["recovered_told"].iloc[0]
 least = min(worths[p][:-1].min() - worths[p][-1] for p in scenarios)
 print(
     f"check: the true values recover {told:.0f} % of the lost accuracy, and the slowest estimator "
-    f"recovers at least {least:.0f} % less than the others"
+    f"recovers at least {least:.0f} percentage points less than the others"
 )
 assert told > 90
 assert least > 0
