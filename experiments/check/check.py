@@ -63,7 +63,7 @@ class Subject:
 
     @cached_property
     def nominal(self) -> Array:
-        """Absolute values of the first estimates, as an array (p,); they scale all differences."""
+        """Absolute first estimates (p,), by which all differences are divided."""
         sizes = np.abs(self.theta[0])
         return np.where(np.isfinite(sizes) & (sizes > 0), sizes, 1.0)
 
@@ -156,8 +156,8 @@ def no_look_ahead(subject: Subject) -> Seen:
         if wrong.size:
             return False, (
                 f"a change in u and y after sample {cut} changed the estimates by up to "
-                f"{apart[wrong].max():.2g} times the nominal values, from sample {wrong[0]} on "
-                f"({cut + 1 - wrong[0]} samples before the change)"
+                f"{apart[wrong].max():.2g} times the nominal values; the first changed estimate is "
+                f"at sample {wrong[0]}, {cut + 1 - wrong[0]} samples before the change"
             )
     return True, f"changes after samples {', '.join(map(str, CUTS))} affected no earlier estimates"
 
