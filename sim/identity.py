@@ -14,7 +14,7 @@ from flexaxis.models_mjcf import DEFAULT, SHIPPED, model_digest
 from flexaxis.sim.timing import PERIOD
 
 PLANT, CONTENT = "plant", "content"
-"""Values of the scenario key `streams`, which determines the random numbers of a run.
+"""Special values of the scenario key `streams`, which determines the random numbers of a run.
 
 If `streams` is "plant", the random numbers depend only on the part of the scenario that affects the
 plant and the sensors. If `streams` is "content", the random numbers depend on the whole content of

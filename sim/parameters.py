@@ -67,7 +67,7 @@ def parameter_names(model: str = DEFAULT) -> tuple[str, ...]:
 
 
 def model_with(names: Iterable[str]) -> str | None:
-    """Return the first model whose parameters are exactly `names`, or None if there is none."""
+    """Return the first model with exactly the parameters `names`, or None if no model has them."""
     unordered = set(names)
     return next((model for model in MODEL_NAMES if set(parameter_names(model)) == unordered), None)
 
@@ -267,7 +267,7 @@ def preset(name: str, model: str = DEFAULT) -> AxisParameters:
 
 
 def meant(parameter: str) -> str:
-    """Return the standard name of a fault parameter; the name ``coulomb`` is an alias of f_c.
+    """Return the standard name of a fault parameter; the name ``coulomb`` is an alias for f_c.
 
     Examples
     --------

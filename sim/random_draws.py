@@ -62,10 +62,10 @@ def drawn(scenario: Scenario, seed: int) -> Scenario:
 def _known(scenario: Scenario, seed: int) -> dict[str, float]:
     """Return the table `known` of a scenario for one seed, including random parameter errors.
 
-    The assumed value of every parameter that is not estimated is multiplied by an independent
-    random factor exp(spread z), where z is a standard normal variable. The random factors do not
-    change the parameters of the simulated plant. The gear ratio has no random factor, because
-    estimators know it exactly.
+    The function multiplies the assumed value of each parameter that is not estimated by an
+    independent random factor exp(spread z), where z is a standard normal variable. The random
+    factors do not change the parameters of the simulated plant. The gear ratio has no random
+    factor, because estimators know it exactly.
     """
     exact = {"r", *DATA_SHEET, *(name.removeprefix("1/") for name in scenario.identify)}
     known = dict.fromkeys(sorted(scenario.nominal.keys() - exact), 1.0) | scenario.known_factors

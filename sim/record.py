@@ -66,11 +66,11 @@ class Record:
     torque : ndarray (N,)
         Torque command [N m].
     angle, speed, increment : ndarray (N,), optional
-        Measured motor angle [rad], measured motor speed [rad/s], and difference of successive
-        measured angles divided by the sampling period [rad/s].
+        Measured motor angle [rad], measured motor speed [rad/s], and difference between successive
+        measured angles, divided by the sampling period [rad/s].
     true_speed, true_angle_m, true_angle_g, true_angle_a, true_angle_l : ndarray (N,), optional
-        True motor speed [rad/s], and true angles of motor, gear, arm and load [rad]. The angle of a
-        mass that the plant does not have is None.
+        True motor speed [rad/s], and true angles of motor, gear, arm and load [rad]. If the plant
+        does not have one of these masses, the angle of this mass is None.
     true_parameters : ndarray (N, P), optional
         True parameter values. The values in row k apply from t_k to t_{k+1}, and column i contains
         the parameter `parameter_names[i]`.
@@ -78,7 +78,8 @@ class Record:
         Names of the P parameters: first the parameters of the linear axis, then the parameters of
         nonlinear effects.
     valid : ndarray (N,) of bool, optional
-        False at each sample where the measurement is missing, or None if no sample is missing.
+        Array that is False at each sample with a missing measurement, or None if no measurement is
+        missing.
     scenario : dict
         All keys and values of the scenario, or an empty dict if the scenario is unknown.
     hash : str

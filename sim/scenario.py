@@ -79,7 +79,7 @@ class Scenario(Config):
         Names of the parameters to estimate. An estimator can also estimate the inverse of a
         parameter, such as ``"1/J_a"``.
     start : float
-        Ratio of the initial estimate of each parameter to its nominal value.
+        Ratio of the initial estimate to the nominal value, which is the same for all parameters.
     known : dict of str to float, optional
         Prior knowledge that estimators receive. For a parameter that is not estimated, the entry is
         the ratio of the assumed value to the true value. For a data-sheet value such as `poles`,
@@ -245,7 +245,7 @@ class Scenario(Config):
         return np.array(list(self.initial.values()))
 
     def true_parameters(self) -> Array:
-        """Return the true parameters as an array (N, P); row k applies until sample k + 1."""
+        """Return the true parameters as an array (N, P); row k applies from sample k to k + 1."""
         changes = (*self.fault, *(self.nuisance or ()))
         return np.column_stack([changed(x, n, changes, self.grid) for n, x in self.initial.items()])
 

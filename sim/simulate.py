@@ -123,7 +123,7 @@ def tracked(
 
 
 def _white(scenario: Scenario, seeds: list[int], repeat: int, purpose: str) -> Array:
-    """Return unit white noise for a purpose, such as "noise.speed", as an array (N, R)."""
+    """Return unit white noise as an array (N, R), for a purpose such as "noise.speed"."""
     purpose += f".{repeat}" if repeat else ""
     streams = [stream(scenario.key, seed, purpose) for seed in seeds]
     return np.column_stack([each.standard_normal(scenario.samples) for each in streams])

@@ -1,4 +1,4 @@
-"""Check, before a simulation, whether the control loop with the nominal linear axis is stable.
+"""Before a simulation, check whether the control loop with the nominal linear axis is stable.
 
 The equations of motion are M q̈ + D q̇ + K q = k_T u, where the vector q contains the angles of the
 masses and u is the torque command. The stability check takes the controller, the sampling period
@@ -59,11 +59,12 @@ def loop_problem(
 def _radius(
     parameters: AxisParameters, config: ControllerConfig, period: float, torque: int, late: int
 ) -> float:
-    """Return the spectral radius of the closed loop: the largest growth of a mode per sample.
+    """Return the spectral radius: the largest factor by which a mode of the loop grows per sample.
 
     The state of the closed loop consists of the states of the controller, the plant and the delays.
-    The function obtains the transition matrix by simulating one sample from each unit vector as the
-    initial state. The spectral radius is the largest absolute eigenvalue of the transition matrix.
+    The function simulates one sample with each unit vector as the initial state. The resulting
+    states are the columns of the transition matrix. The spectral radius is the largest absolute
+    eigenvalue of the transition matrix.
     """
     if config.rate:
         period = TICK
@@ -89,7 +90,7 @@ def _sampled(parameters: AxisParameters, period: float) -> tuple[Array, Array]:
 
     The state x contains the angles and speeds of the masses. The torque u is constant during a
     sample. For a linear axis, a Runge-Kutta step of the physics engine equals a fourth-order Taylor
-    series.
+    expansion of the matrix exponential.
     """
     steps = substeps([], period)
     A = _continuous(parameters) * (period / steps)

@@ -49,14 +49,14 @@ class Grid:
 
     @classmethod
     def first(cls, samples: int, period: float) -> Grid:
-        """Return a grid with the given number of samples, from the start of a run."""
+        """Return a grid that begins at the start of a run and has the given number of samples."""
         return cls(np.arange(samples), period)
 
     @property
     def times(self) -> NDArray[np.float64]:
         """Times of the samples [s], as an array (M,).
 
-        The times are computed as k divided by the sampling rate instead of k times T, which avoids
+        The times are computed as k divided by the sampling rate, because k times T would have
         rounding errors. Therefore ``Grid.first(N, 0.005).times[2060]`` is exactly the float
         ``10.3``.
         """

@@ -14,7 +14,7 @@ from flexaxis.sim.scenario import Scenario
 
 
 def reference_card(scenario: Scenario) -> dict[str, str]:
-    """Return the description of a scenario in words, keyed by heading."""
+    """Return a description of a scenario in words, as texts that are keyed by heading."""
     from flexaxis.experiments.scoring.bounds import bounded  # slow to import
 
     names = ", ".join(bounded(scenario, scenario.identify))
@@ -49,9 +49,9 @@ def in_a_line(scenario: Scenario) -> str:
 
 
 def _parts(scenario: Scenario) -> dict[str, list[str]]:
-    """Return descriptions of the tables of a scenario, keyed by heading.
+    """Return descriptions of a scenario's tables, keyed by heading.
 
-    The effects that the linear model does not describe have the heading "unmodelled".
+    The heading "unmodelled" contains the effects that the linear model does not describe.
     """
     s, tables = scenario, scenario.tables.values()
     sensors = [words for table in tables if table.exact and (words := table.in_words())]

@@ -92,7 +92,7 @@ def _tables(place: str) -> dict[str, Any]:
 
 
 def full_name(name: str) -> str:
-    """Return the full name of a scenario, which has the suffix -v1 by default."""
+    """Return the full name of a scenario; a name without a suffix means version -v1."""
     return f"{name}-v1" if f"{name}-v1" in hashes() else name
 
 
@@ -169,7 +169,7 @@ def _frozen(scenario: Scenario, name: str) -> Scenario:
 
 
 def find_suite(name: str) -> Suite:
-    """Return the suite with a given name; estimators = "all" in its file means all estimators."""
+    """Return the suite with a given name; in its file, estimators = "all" means all estimators."""
     from flexaxis.estimators.registry import REGISTRY
 
     table = _tables(f"suites/{name}.toml")
@@ -270,7 +270,7 @@ def suites(find: str = "") -> list[Line]:
 
 
 def faults(find: str = "") -> list[Line]:
-    """Return all physical faults, each with the parameter that it changes and its scenarios."""
+    """Return each physical fault, its parameter, and the scenarios that change the parameter."""
     from flexaxis.sim.tables.faults import CAUSES
 
     lines = scenarios()

@@ -129,9 +129,9 @@ class LiveAxis:
         return true_theta(names, np.array([*values.values()]), tuple(values))
 
     def set_factors(self, factors: Mapping[str, float]) -> None:
-        """Set some parameters to multiples of their nominal values, and reset all other parameters.
+        """Set some parameters to multiples of their nominal values, and all others to nominal.
 
-        The argument `factors` maps parameter names to ratios of new values to nominal values.
+        The argument `factors` contains the ratios of new to nominal values, keyed by parameter.
         """
         values = {n: v * factors.get(n, 1.0) for n, v in self.nominal.as_dict().items()}
         parameters = AxisParameters(**values)

@@ -96,7 +96,7 @@ class Racer:
 
     @property
     def deviation(self) -> Array:
-        """Reported standard deviations (4,) of the parameters in `SHOWN`; NaN if there is none."""
+        """Standard deviations (4,) of the `SHOWN` parameters; NaN if the estimator reports none."""
         covariance = getattr(self._estimator, "covariance", None)
         if covariance is None:
             return np.full(len(SHOWN), np.nan)
@@ -104,7 +104,7 @@ class Racer:
 
     @property
     def finding(self) -> str:
-        """First change reported since the last call of `watch`, and its delay, or an empty text."""
+        """First change reported since the last call of `watch`, with its delay; empty if none."""
         for finding in getattr(self._estimator, "findings", None) or ():
             if finding.alarm >= self._changed:
                 changes = zip(finding.parameters, finding.ratio, strict=False)

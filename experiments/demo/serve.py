@@ -86,12 +86,13 @@ def serve(
 
 
 def load_lesson(path: Path) -> dict[str, Any]:
-    """Read a lesson file, and return its content with the ``[[act]]`` in chronological order.
+    """Read a lesson file, and return its content; its ``[[act]]`` tables are sorted by time.
 
-    A lesson file can also contain the keys ``estimators`` and ``seed``. Each ``[[act]]`` contains a
-    time ``at`` [s] and the name ``do`` of an action in `flexaxis.experiments.demo.session.ACTIONS`.
-    The optional key ``with`` of an ``[[act]]`` contains the arguments of the action. The optional
-    key ``say`` of an ``[[act]]`` contains a message that the web page shows.
+    A lesson file can also contain the keys ``estimators`` and ``seed``. The key ``at`` of an
+    ``[[act]]`` contains a time [s], and the key ``do`` contains the name of an action in
+    `flexaxis.experiments.demo.session.ACTIONS`. The optional key ``with`` of an ``[[act]]``
+    contains the arguments of the action. The optional key ``say`` of an ``[[act]]`` contains a
+    message that the web page shows.
 
     Raises
     ------

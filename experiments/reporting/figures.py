@@ -1,8 +1,9 @@
 """Draw the figures of flexaxis. Each function draws one figure and returns a matplotlib Figure.
 
 Report pages, notebooks, the documentation and the `.plot()` methods use this module. The function
-`styles.tag` adds tags to the curves, so that a page can hide estimators and show values on hover.
-Figures are 430 px wide, so several figures fit side by side on a screen.
+`styles.tag` adds tags to the curves, so that a page can hide the curves of an estimator and show
+the values under the pointer. Figures are 430 px wide, so several figures fit side by side on a
+screen.
 """
 
 from collections.abc import Mapping, Sequence
@@ -48,7 +49,7 @@ class Series:
     label : str
         Label in the legend (default: the name of the estimator).
     role : {"", "truth", "bound", "data"}
-        Type of the data: "" for data of an estimator, or true values, a bound, or other data.
+        Type of the data: estimator data (""), true values, a bound, or other data ("data").
     kind : {"line", "steps", "points", "both"}
         Drawing type: a line, a staircase line, points, or points joined by a line ("both").
     """

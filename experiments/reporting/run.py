@@ -84,7 +84,7 @@ class Drawing:
     def over_time(
         self, scenario: Scenario, name: str, settings: dict[str, str], label: str = "default"
     ) -> list[Markup]:
-        """Return figures of the median parameter estimates over time.
+        """Return figures of the median estimates of a parameter over time.
 
         If the scenario contains a fault, the first figure covers the first second after the fault.
         The last figure covers the whole run. The curves of the first estimator and of the reference

@@ -30,7 +30,7 @@ LEGEND = (
 
 
 def as_text(*tables: Table) -> str:
-    """Convert tables to text that fits the terminal (200 columns for a file or a pipe)."""
+    """Convert tables to text that fits the terminal, or 200 columns in a file or a pipe."""
     # The log of a CI build is a file. All names fit into 200 columns.
     console = Console(width=None if sys.stdout.isatty() else 200)
     with console.capture() as capture:
@@ -92,7 +92,7 @@ def equal_noise_table(swept: Mapping[str, Any]) -> Table:
 
 
 def default_table(pooled: Sequence[Mapping[str, Any]]) -> Table:
-    """Return the table of scores with default settings.
+    """Return the table of the scores of estimators with default settings.
 
     The table contains the changed parameters of each scenario. If no parameter changes, the table
     contains all parameters.

@@ -14,7 +14,7 @@ class Config(BaseModel):
 
 
 class Frozen(dict[str, float]):
-    """Immutable dict of numbers, which keeps the hash of a scenario valid."""
+    """Immutable dict of numbers, so that the hash of a scenario remains valid."""
 
     __slots__ = ()
 

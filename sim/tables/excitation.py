@@ -61,7 +61,8 @@ class Multisine(Config):
         if not self._lines():
             raise ValueError(
                 f"no multiple of 1/period = {1 / self.period:g} Hz "
-                f"lies between low = {self.low:g} Hz and high = {self.high:g} Hz"
+                f"lies between low = {self.low:g} Hz and high = {self.high:g} Hz: increase `high` "
+                "or `period`, or decrease `low`"
             )
         return self
 
@@ -72,7 +73,7 @@ class Multisine(Config):
         return range(first, int(np.floor(self.high * self.period + slack)) + 1)
 
     def sampling_problems(self, period: float) -> Iterator[tuple[str, str]]:
-        """Yield the key of each value that the sampling period forbids, and an error message."""
+        """Yield a key and an error message for each value that the sampling period forbids."""
         if self.high * period >= 0.5:
             yield "high", f"the frequency must be below {0.5 / period:g} Hz, half the sampling rate"
         if abs(self.period / period - sample_index(self.period, period)) > 1e-6:

@@ -38,14 +38,14 @@ class AdaptConfig(Config):
     smooth : float
         Speed v₀ [rad/s], below which a smooth function replaces the sign of the desired speed.
     limit : float
-        Largest factor by which an estimate can lie above or below its nominal value, for all
-        parameters except the torque constant. The feed-forward clips each estimate that differs
-        from its nominal value by a larger factor. If the nominal value of a parameter is 0, the
-        feed-forward ignores the estimate of the parameter.
+        Largest factor by which an estimate can differ from its nominal value, for all parameters
+        except the torque constant. The feed-forward clips each estimate that differs from its
+        nominal value by a larger factor. If the nominal value of a parameter is 0, the feed-forward
+        ignores the estimate of the parameter.
     gain : float
-        Largest factor by which the estimated torque constant can lie above or below its nominal
-        value. The estimated torque constant scales the loop gain, so `gain` must be smaller than
-        the gain margin of the control loop.
+        Largest factor by which the estimated torque constant can differ from its nominal value. The
+        estimated torque constant scales the loop gain, so `gain` must be smaller than the gain
+        margin of the control loop.
     """
 
     friction: bool = True
@@ -71,8 +71,8 @@ class AdaptConfig(Config):
         motion : (ndarray (R,), ndarray (R,))
             Desired speed v [rad/s] and acceleration a [rad/s²].
         of : mapping of str to float or ndarray (R,)
-            Values of the parameters in `USED`, of the inertias (motor first) and of k_T0, keyed by
-            parameter name.
+            Values of the parameters in `USED`, of all inertias and of k_T0, keyed by parameter
+            name. The motor inertia must come before the other inertias.
         """
         speed, acceleration = motion
         torque = of["k_T0"] * feedback

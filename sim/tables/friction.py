@@ -4,7 +4,8 @@ MuJoCo implements Coulomb and LuGre friction. A compiled callback (`sim/plant/fr
 the other friction laws. The static method `torque` of a class defines a compiled friction law. To
 add a friction law, write a class in this module, add the class to `COMPILED_LAWS` and add a key to
 `Scenario`. The compiled friction laws use a smooth function such as :math:`\tanh(v/v_0)` instead of
-the sign of the speed v, so the motor creeps instead of sticking. The key `smooth` is v₀.
+the sign of the speed v, so the motor creeps instead of sticking. The scenario key `smooth` sets the
+speed v₀.
 """
 
 from __future__ import annotations

@@ -155,7 +155,7 @@ class StiffeningConfig(Nonlinearity):
 
 
 class SaturationConfig(Nonlinearity):
-    """Torque limit of the drive; the logged torque is the command before it is limited.
+    """Torque limit of the drive; the logged torque is the command before the limit is applied.
 
     Attributes
     ----------

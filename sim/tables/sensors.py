@@ -1,10 +1,10 @@
 """Define the sensor tables: delay, noise, encoder and filter.
 
 The method `stage` of a sensor table returns a function that processes a measured signal. The
-attribute `exact` states whether the linear model still describes the processed signal. A signal
-passes through all sensors in the order of the keys in `Scenario`. The log contains the output of
-the last sensor. If `Scenario.feedback` is "measured", the controller reads the output of the last
-sensor. Otherwise the controller reads the true motor angle.
+attribute `exact` of a sensor table states whether the linear model also describes the processed
+signal. A signal passes through all sensors in the order of the keys in `Scenario`. The log contains
+the output of the last sensor. If `Scenario.feedback` is "measured", the controller reads the output
+of the last sensor. Otherwise the controller reads the true motor angle.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ Signal = Literal["angle", "speed"]
 """Name of a measured motor signal: angle [rad] or speed [rad/s]."""
 
 Stage = Callable[[Array], Array]
-"""Type of a function that processes the next n samples of a signal, as an array (n, R)."""
+"""Type of a function that takes and returns the next n samples of a signal as an array (n, R)."""
 
 White = Callable[[str], Array]
 """Type of a function that returns white noise with standard deviation 1, as an array (N, R).
@@ -38,7 +38,7 @@ The argument of the function is the purpose of the noise, for example "noise.spe
 
 @runtime_checkable
 class Sensor(Protocol):
-    """Protocol of a sensor table, whose method `stage` defines the processing of signals."""
+    """Protocol of a sensor table; the method `stage` defines how the sensor processes a signal."""
 
     def stage(self, signal: Signal, white: White, period: float) -> Stage:
         """Return a function that processes successive samples of a measured signal.
