@@ -221,8 +221,7 @@ def _law_problem(name: str, scenario: Scenario) -> str | None:
     if having and not tables:
         return f"the plant has no parameter {name}: add the table {' or '.join(having)}"
     if len(tables) > 1:
-        both = " and ".join(tables)
-        return f"{name} is ambiguous, because the tables {both} define it: keep only one of them"
+        return f"{name} is ambiguous: keep only one of the tables {' and '.join(tables)}"
     return None
 
 

@@ -43,9 +43,6 @@ def changeable(names: Iterable[str]) -> tuple[str, ...]:
     return (*(name for name in names if name != "r"), *LAW_NAMES)
 
 
-Parameter = str
-"""Type of the parameter name in a fault; `Scenario` checks that the parameter can change."""
-
 # A number above 100 is likely a percentage or a parameter value, and not a factor.
 Factor = Annotated[float, Field(ge=0, le=100)]
 Point = Annotated[
@@ -80,7 +77,7 @@ class Step(Config):
     """
 
     kind: Literal["step"] = "step"
-    parameter: Parameter
+    parameter: str
     at: Span
     factor: Factor
 
@@ -114,7 +111,7 @@ class Ramp(Config):
     """
 
     kind: Literal["ramp"] = "ramp"
-    parameter: Parameter
+    parameter: str
     at: Span
     over: Span
     factor: Factor
@@ -152,7 +149,7 @@ class Thermal(Config):
     """
 
     kind: Literal["thermal"] = "thermal"
-    parameter: Parameter
+    parameter: str
     at: Span
     time_constant: Span
     factor: Factor
@@ -193,7 +190,7 @@ class Intermittent(Config):
     """
 
     kind: Literal["intermittent"] = "intermittent"
-    parameter: Parameter
+    parameter: str
     at: Span
     on: Span
     off: Span
@@ -240,7 +237,7 @@ class Profile(Config):
     """
 
     kind: Literal["profile"] = "profile"
-    parameter: Parameter
+    parameter: str
     at: Span
     points: Annotated[tuple[Point, ...], Field(strict=False)]
     factor: Factor

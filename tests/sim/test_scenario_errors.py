@@ -126,7 +126,7 @@ CASES = [
      "identify[1]: 'f_c' repeats 'f_c': name each parameter once", ""),
     ("friction.coulomb = 0.1\nidentify = ['1/f_c']", "identify[0]: unknown parameter '1/f_c';", ""),
     ("friction.coulomb = 0.1\nload_friction = { f_c = 0.05, load = 0.1 }\nidentify = ['f_c']",
-     "identify[0]: f_c is ambiguous, because the tables friction and load_friction define it", ""),
+     "identify[0]: f_c is ambiguous: keep only one of the tables friction and load_friction", ""),
     # a value of 0 that makes a percentage or an inverse infinite
     ("identify = ['f_m', '1/d_g']\nparameters.d_g = 0.0",
      "identify[1]: '1/d_g' cannot be estimated while parameters.d_g is 0, because the "
