@@ -16,8 +16,8 @@ parameter in the group. If the constant c were twice the number of parameters in
 weight w would be the Akaike weight defined in section 2.9 of *Model selection and multimodel
 inference* (Burnham and Anderson, 2002). A wrong nominal value shifts an estimate by at most about
 √c standard deviations, where c is the 95 % quantile of the χ² distribution. If the weights were
-Bayes factors, the estimates would remain near a wrong nominal value for far longer. The parameter
-groups are shrunk one after another. The shrinkage does not change the filter state. For each
+Bayes factors, the estimates would remain near a wrong nominal value for far longer. The estimates
+are shrunk one parameter group at a time. The shrinkage does not change the filter state. For each
 parameter group, the term w(1 − w) d dᵀ is added to the covariance, where w is the weight of the
 conditional estimate, and d is the difference between the conditional estimate and the filter's
 estimate μ.

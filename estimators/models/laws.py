@@ -197,7 +197,7 @@ class Law:
     drive : mapping of str to float
         Coefficients that define the driving variable w, keyed by state name or by ``"input"``.
     acts : mapping of str to str
-        Formulas that multiply the torque F in the state derivatives, keyed by state name. For
+        Coefficients of the torque F in the state derivatives, as formulas keyed by state name. For
         example, the formula ``"-1/J_m"`` belongs to a torque that brakes the motor.
     parameters : mapping of str to (str or float)
         Names of model parameters, or numerical values, keyed by role. A parameter whose role is not

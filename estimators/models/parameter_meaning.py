@@ -113,7 +113,7 @@ def is_nominal_axis(model: Model, identify: Sequence[str]) -> bool:
 
 
 def moves_as_nominal(model: Model) -> bool:
-    """Return whether a model, in any units, has about the same poles as the nominal axis."""
+    """Return whether the poles of a model are about those of the nominal axis, in any units."""
     rates, reference = (np.sort(np.abs(_poles(m))) for m in (model, three_mass(N1)))
     if len(rates) != len(reference) or not rates.all():
         return False

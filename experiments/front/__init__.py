@@ -1,8 +1,8 @@
 """The Python interface of flexaxis: simulate, estimate, score, compare and benchmark.
 
 Import the package with ``import flexaxis as fx``. The import takes only milliseconds, because each
-function is loaded on its first use. Most functions in this folder only call functions of
-`flexaxis.sim`, `flexaxis.estimators` and `flexaxis.experiments`.
+function is loaded on its first use. Most functions in this folder are thin wrappers around
+functions from `flexaxis.sim`, `flexaxis.estimators` and `flexaxis.experiments`.
 """
 
 from importlib import import_module

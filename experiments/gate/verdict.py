@@ -20,7 +20,7 @@ SILENT = "not more"
 more" does not affect the overall verdict."""
 
 ALPHA = 0.01
-"""Largest allowed probability of a false verdict "worse" or "better" in a comparison."""
+"""Largest allowed probability of a false "worse" or "better" verdict in a comparison."""
 
 SHARES = {False: 0.5, True: 0.1, "diverged": 0.2, "never_settled": 0.2}
 """Fraction of the significance level alpha for each group of tests. The key True stands for biases,

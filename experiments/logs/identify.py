@@ -144,7 +144,7 @@ def identify(
     early, late = -4 * log.period, setup.latest
     if not early <= setup.delay <= late:
         raise LogError(
-            f"--delay {delay:g} is not possible. The delay of the torque must be between {early:g} "
+            f"--delay {delay:g} is not allowed. The delay of the torque must be between {early:g} "
             f"s and {late:g} s. For any other delay, shift the torque column by whole samples"
         )
     if gravity == "auto" and record.versions.get("motion") == "linear":

@@ -1,4 +1,4 @@
-"""Provide the data that test the paper's claims: MuJoCo simulations and parameter estimates.
+"""Run the MuJoCo simulations and compute the parameter estimates that test the paper's claims.
 
 The seeds of the simulated runs were not used to tune any estimator. The module computes each record
 and each estimate when it is first used.

@@ -122,7 +122,7 @@ def _source(make: Factory) -> bytes:
 
 
 def _words(name: str) -> list[str]:
-    """Return the words of a pipe command, or a list with the file that defines a class."""
+    """Return the words of a pipe command or, for a class, a list with only the path of its file."""
     if name.startswith(PIPE):
         return shlex.split(name.removeprefix(PIPE))
     return [code_file(name) or getattr(find_spec(name.rpartition(":")[0]), "origin", None) or ""]
@@ -138,9 +138,9 @@ def text_of(make: str | Factory) -> str:
     name, module = getattr(make, "__name__", ""), getattr(make, "__module__", "__main__")
     if not name.isidentifier() or name in REGISTRY:
         raise EstimatorError(
-            f"{make!r}: give the name of an estimator such as 'glr', or your own class, whose name "
-            "must differ from the names of all registered estimators. An instance of a class is "
-            "not accepted, because each run needs a new instance"
+            f"{make!r}: give either the name of a registered estimator, such as 'glr', or a class "
+            "of your own with a new name. An instance of a class is not accepted, because each run "
+            "needs a new instance"
         )
     home = sys.modules.get(module)
     if module != "__main__" and getattr(home, name, None) is make and home.__spec__:  # type: ignore[union-attr]

@@ -22,7 +22,7 @@ def true_theta(
     parameters: NDArray[np.float64],
     columns: Sequence[str] = PARAMETER_NAMES,
 ) -> NDArray[np.float64]:
-    """Return the true values (…, p) of estimated parameters, given physical parameters (…, P).
+    """Return the true estimated parameters (…, p), given all physical parameters (…, P).
 
     The argument `columns` lists the names of the physical parameters. By default, `columns`
     contains the parameters of the three-mass axis.

@@ -87,7 +87,7 @@ class Score:
 
     @property
     def compared(self) -> bool:
-        """Whether `compare` can use the score (`guard` is true, or smaller numbers are better)."""
+        """Whether `compare` can use the score: `guard` is true, or smaller values are better."""
         return self.guard or (self.better == "less" and self.kind == "number")
 
 

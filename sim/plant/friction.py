@@ -40,7 +40,7 @@ def install() -> None:
                 "MuJoCo already has another callback for passive forces, and a process can have "
                 "only one. Remove the other callback with mujoco.set_mjcb_passive(None), or "
                 "simulate friction laws in a separate process.",
-                run=0, time=0.0, reason="passive callback in use",
+                run=0, time=0.0, reason="another passive callback is already in use",
             )  # fmt: skip
         mujoco.set_mjcb_passive(ours)
 

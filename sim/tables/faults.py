@@ -247,7 +247,7 @@ class Profile(Config):
     def _in_order(cls, points: tuple[Point, ...]) -> tuple[Point, ...]:
         times = [time for time, _ in points]
         if not times:
-            raise ValueError("the array must have at least one entry, not []")
+            raise ValueError("the array is empty, but must have at least one entry")
         for before, after in pairwise(times):
             if after <= before:
                 raise ValueError(f"corner times must increase; {after:g} s follows "
