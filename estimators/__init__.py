@@ -14,7 +14,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.models.axes import one_mass, three_mass, two_mass
+from flexaxis.estimators.models.axis_models import one_mass, three_mass, two_mass
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.signals import increment
 

@@ -17,7 +17,7 @@ from flexaxis.estimators.filters.design import (
     make_design,
 )
 from flexaxis.estimators.knob import tunings
-from flexaxis.estimators.models.axes import PAPER, three_mass
+from flexaxis.estimators.models.axis_models import PAPER, three_mass
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.models.parameter_meaning import moves_as_nominal, moving_poles
 from flexaxis.estimators.offline.structure import matrices

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.errors import EstimatorError, did_you_mean
-from flexaxis.estimators.models.axes import with_angle
+from flexaxis.estimators.models.axis_models import with_angle
 from flexaxis.estimators.models.model import Model
 
 Array = NDArray[np.float64]

@@ -16,7 +16,7 @@ MAY_IMPORT = {
 # Usable alone on a robot's log: nothing but these.
 ESTIMATORS_NEED = {"numpy", "scipy", "numba"}
 # For whoever has more installed: imported inside a function, with a clear error where it lacks.
-ESTIMATORS_MAY_USE = {"estimators/models/axes.py": {"pydantic"}}
+ESTIMATORS_MAY_USE = {"estimators/models/axis_models.py": {"pydantic"}}
 KNOW_MUJOCO = {
     "sim/plant/plant.py",
     "sim/plant/friction.py",

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from flexaxis.estimators.models.axes import N1
+from flexaxis.estimators.models.axis_models import N1
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.sim.simulate import simulate

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from flexaxis.estimators.models.axes import STATIC, three_mass
+from flexaxis.estimators.models.axis_models import STATIC, three_mass
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.logs.axis_file import Axis, find_axis
 from flexaxis.sim.simulate import simulate

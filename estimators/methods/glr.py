@@ -13,7 +13,7 @@ from flexaxis.estimators.glr.bank_arrays import Timing, bank_of, lengths
 from flexaxis.estimators.glr.cogging import FASTEST
 from flexaxis.estimators.glr.filter import Glr
 from flexaxis.estimators.glr.workspace import Workspace
-from flexaxis.estimators.models.axes import with_cogging
+from flexaxis.estimators.models.axis_models import with_cogging
 from flexaxis.estimators.models.memory import Memory
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.models.parameter_meaning import fixable, shapes_of_friction, structure

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.models.axes import N1, three_mass
+from flexaxis.estimators.models.axis_models import N1, three_mass
 from flexaxis.estimators.models.laws import LAWS
 from flexaxis.estimators.models.model import Model
 

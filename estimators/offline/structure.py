@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.models.axes import N1, PAPER, real_axis, three_mass
+from flexaxis.estimators.models.axis_models import N1, PAPER, real_axis, three_mass
 from flexaxis.estimators.models.discretisation import discretize
 from flexaxis.estimators.models.laws import INPUT, LAWS, Law
 from flexaxis.estimators.models.model import Model
@@ -239,9 +239,9 @@ def with_laws(
     Parameters
     ----------
     nominal : mapping of str to float, or Model
-        Nominal values as in `flexaxis.estimators.models.axes.real_axis`, but torque law parameters
-        are optional. The key ``gear_friction`` selects the friction law that depends on the gear
-        load. If ``nominal`` is a model, the function returns this model unchanged.
+        Nominal values as in `flexaxis.estimators.models.axis_models.real_axis`, but torque law
+        parameters are optional. The key ``gear_friction`` selects the friction law that depends on
+        the gear load. If ``nominal`` is a model, the function returns this model unchanged.
     torque : (N,) array_like, optional
         Recorded torque [N m], from which the function computes the magnitudes of friction and
         backlash. By default, the function uses the magnitudes of the nominal axis.

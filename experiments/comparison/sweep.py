@@ -2,10 +2,10 @@
 
 A single setting of each estimator is not enough for a ranking, because an estimator that forgets
 faster reacts faster but is noisier. Therefore each estimator runs at several settings, and the
-module `equal_noise` interpolates the lag to the noise level of a reference estimator. For a single
-fault, the noise level is the standard deviation of the changing parameter's estimate before the
-fault. For all faults together, the noise level is the excess prediction error, which has no unit.
-The code calls a tuning parameter a knob.
+module `noise_interpolation` interpolates the lag to the noise level of a reference estimator. For a
+single fault, the noise level is the standard deviation of the changing parameter's estimate before
+the fault. For all faults together, the noise level is the excess prediction error, which has no
+unit. The code calls a tuning parameter a knob.
 """
 
 import inspect
@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.knob import Knob, make_knob
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.experiments.comparison.equal_noise import Match, Noise, Setting, match
+from flexaxis.experiments.comparison.noise_interpolation import Match, Noise, Setting, match
 from flexaxis.experiments.comparison.ranking import MATCHED, NOISIER, QUIETER, REFERENCE, mark
 from flexaxis.experiments.files import StudyError
 from flexaxis.experiments.running.estimators import parse, with_options

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.models.axes import PAPER
+from flexaxis.estimators.models.axis_models import PAPER
 from flexaxis.estimators.offline.priors import known_P
 from flexaxis.estimators.protocol import Estimator, run_estimator
 from flexaxis.estimators.registry import REGISTRY

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from flexaxis.experiments.comparison.equal_noise import Noise
+from flexaxis.experiments.comparison.noise_interpolation import Noise
 from flexaxis.experiments.comparison.ranking import MATCHED
 from flexaxis.experiments.comparison.sweep import Run, Runs
 from flexaxis.experiments.comparison.tune import EXCESS, Tuned

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from flexaxis.experiments.comparison.equal_noise import SPREADS
+from flexaxis.experiments.comparison.noise_interpolation import SPREADS
 from flexaxis.experiments.scoring.score_table import METRICS, SCORES
 from flexaxis.sim.errors import FlexaxisError
 

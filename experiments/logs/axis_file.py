@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, InstanceOf
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.models.axes import MODELS, model_from_tables
+from flexaxis.estimators.models.axis_models import MODELS, model_from_tables
 from flexaxis.estimators.models.model import Model
 from flexaxis.experiments.files import write_text
 from flexaxis.experiments.logs.findings import LogError, checked

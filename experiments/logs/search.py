@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from flexaxis.estimators.models.axes import BRISTLES, STATIC
+from flexaxis.estimators.models.axis_models import BRISTLES, STATIC
 from flexaxis.estimators.models.laws import Law
 from flexaxis.experiments.logs.findings import LogError
 from flexaxis.experiments.logs.fit import Fit, Setup, candidate

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.signal import csd
 
-from flexaxis.estimators.models.axes import MODELS, Traits
+from flexaxis.estimators.models.axis_models import MODELS, Traits
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.offline.frequency import frequency_response
 from flexaxis.estimators.signals import SIGNALS

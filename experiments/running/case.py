@@ -26,11 +26,11 @@ from flexaxis.experiments.running.user_code import (
     is_of_the_machine,
     reported,
 )
+from flexaxis.experiments.scoring.control_benefit import tracking
 from flexaxis.experiments.scoring.parameter_names import known_names
 from flexaxis.experiments.scoring.score_table import rows, undefined
 from flexaxis.experiments.scoring.scores import Track, failed_track
 from flexaxis.experiments.scoring.summary import NUMBERS, Case, scored
-from flexaxis.experiments.scoring.tracking_error import tracking
 from flexaxis.experiments.scoring.windows import claimed_at
 from flexaxis.sim.errors import SimulationError
 from flexaxis.sim.record import Record

@@ -24,7 +24,7 @@ import cloudpickle
 import numpy as np
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.models.axes import MODELS
+from flexaxis.estimators.models.axis_models import MODELS
 from flexaxis.estimators.offline.priors import stored_P
 from flexaxis.estimators.protocol import Estimator, run_estimator
 from flexaxis.estimators.registry import REGISTRY

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.models.axes import MODELS
+from flexaxis.estimators.models.axis_models import MODELS
 from flexaxis.estimators.models.model import Model
 from flexaxis.sim.errors import ScenarioError
 from flexaxis.sim.parameters import PARAMETER_NAMES
@@ -89,8 +89,8 @@ def check_model(scenario: Scenario) -> None:
         raise ScenarioError(
             f"{scenario.name}: estimators have no model {scenario.model} with the parameters "
             f"{', '.join(scenario.nominal)}. Estimates and bounds need a model with all parameters "
-            "of the plant. Add a model to estimators/models/axes.py (see docs/extending.md), or "
-            "use `flexaxis simulate`, which needs no model, to record the plant without estimates"
+            "of the plant. Add a model to estimators/models/axis_models.py (see docs/extending.md), "
+            "or use `flexaxis simulate`, which needs no model, to record the plant without estimates"
         )
 
 

@@ -12,11 +12,11 @@ from typing import Any, Literal
 from flexaxis.experiments.scoring import (
     bounds,
     consistency,
+    control_benefit,
     detection,
     excess,
     pooling,
     scores,
-    tracking_error,
 )
 from flexaxis.experiments.scoring.scores import Track
 
@@ -298,7 +298,7 @@ SCORES: Mapping[str, Score] = {
         ),
         Score(
             "recovered",
-            tracking_error.recovered_of,
+            control_benefit.recovered_of,
             "Percentage of the fault-induced rms tracking error that a controller avoids by using "
             "the estimates. The percentage is 0 for feed-forward with nominal parameters, "
             "and 100 if the tracking error is as small as without the fault. The percentage is "
@@ -310,7 +310,7 @@ SCORES: Mapping[str, Score] = {
             short="recov",
         ),
         Score(
-            "recovered_told", tracking_error.recovered_told_of,
+            "recovered_told", control_benefit.recovered_told_of,
             "Percentage of the fault-induced rms tracking error that a controller avoids by using "
             "the true parameters.", unit="%", pool=pooling.mean,
         ),
@@ -319,8 +319,8 @@ SCORES: Mapping[str, Score] = {
             lambda track, _: track.tracking,
             "Tracking errors from which the score `recovered` is computed, and the number of "
             "samples at which the feed-forward parameters were limited.",
-            pool=pooling.parts(tracking_error.PARTS),
-            parts=tracking_error.PARTS,
+            pool=pooling.parts(control_benefit.PARTS),
+            parts=control_benefit.PARTS,
         ),
     )
 }  # fmt: skip

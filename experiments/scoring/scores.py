@@ -96,7 +96,7 @@ class Track:
         estimates.
     tracking : mapping, optional
         Tracking errors of a controller that uses the estimates, from the function
-        `scoring.tracking_error.tracking`.
+        `scoring.control_benefit.tracking`.
     """
 
     scenario: Scenario

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexaxis.estimators.models.axes import (
+from flexaxis.estimators.models.axis_models import (
     BRISTLES,
     COGGING,
     GEAR_FRICTION,

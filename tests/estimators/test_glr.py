@@ -9,7 +9,7 @@ from flexaxis.estimators.glr.bank import level_of
 from flexaxis.estimators.glr.bank_arrays import time_scale
 from flexaxis.estimators.glr.cogging import strongest_wave
 from flexaxis.estimators.glr.filter import Glr
-from flexaxis.estimators.models.axes import N1, one_mass, three_mass
+from flexaxis.estimators.models.axis_models import N1, one_mass, three_mass
 from flexaxis.estimators.protocol import Finding
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.running.estimators import build, parse

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.models.axes import (
+from flexaxis.estimators.models.axis_models import (
     BRISTLES,
     COGGING,
     GEAR_FRICTION,

@@ -3,7 +3,7 @@ import pytest
 from acceptance.axes import held
 
 from flexaxis.estimators import EstimatorError, increment, three_mass, two_mass
-from flexaxis.estimators.models.axes import MODELS
+from flexaxis.estimators.models.axis_models import MODELS
 from flexaxis.estimators.models.formula import multiply_out
 
 EVERY = ("k_T", "J_m", "J_g", "1/J_a", "k_g", "1/k_a", "d_g", "d_a", "f_m", "f_g", "1/f_a", "r")

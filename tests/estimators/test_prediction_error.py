@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from flexaxis.estimators.models.axes import one_mass
+from flexaxis.estimators.models.axis_models import one_mass
 from flexaxis.estimators.offline.prediction_error import CONVERGED, Problem, jackknife, noise_model
 from flexaxis.estimators.offline.trajectory import Trajectory
 

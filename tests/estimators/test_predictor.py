@@ -10,7 +10,7 @@ from acceptance.differences import central
 
 from flexaxis.estimators import increment, three_mass
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.models.axes import STATIC
+from flexaxis.estimators.models.axis_models import STATIC
 from flexaxis.estimators.offline.predictor import predict
 from flexaxis.estimators.registry import REGISTRY
 

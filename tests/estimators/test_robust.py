@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from flexaxis.estimators import EstimatorError, Rpem, three_mass
-from flexaxis.estimators.models.axes import model_from_tables, one_mass
+from flexaxis.estimators.models.axis_models import model_from_tables, one_mass
 
 P0 = [2.97e-4, 5.19e-5, 4.69e-6]
 THETA = np.array([1.0, 1.25, 0.05])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flexaxis.estimators.models.axes import N1
+from flexaxis.estimators.models.axis_models import N1
 from flexaxis.estimators.offline.structure import (
     NOMINAL,
     TRACKED,

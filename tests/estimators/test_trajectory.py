@@ -7,7 +7,7 @@ import pytest
 from acceptance.differences import central
 from scipy.linalg import expm
 
-from flexaxis.estimators.models.axes import BRISTLES, STATIC, one_mass, two_mass
+from flexaxis.estimators.models.axis_models import BRISTLES, STATIC, one_mass, two_mass
 from flexaxis.estimators.offline.coulomb import is_dry
 from flexaxis.estimators.offline.predictor import predict
 from flexaxis.estimators.offline.trajectory import Trajectory, delayed

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flexaxis.estimators.models.axes import MODELS
+from flexaxis.estimators.models.axis_models import MODELS
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.cli import main
 from flexaxis.models_mjcf import MODEL_NAMES

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flexaxis.estimators.models.axes import three_mass
+from flexaxis.estimators.models.axis_models import three_mass
 from flexaxis.estimators.offline.predictor import predict
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.scoring.excess import information

@@ -74,7 +74,7 @@ def test_the_excess_error_is_that_of_the_prediction():
     Predicted by the axis itself: the record of an axis whose friction is 2 % higher, less that of
     the nominal one on the same torque, computed by hand-driven simulation of the linear model.
     """
-    from flexaxis.estimators.models.axes import three_mass
+    from flexaxis.estimators.models.axis_models import three_mass
     from flexaxis.estimators.offline.predictor import predict
 
     scenario = find_scenario("paper_nominal-v1").override({"start": 1.0})

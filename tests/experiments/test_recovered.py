@@ -5,7 +5,7 @@ import pytest
 
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.running.estimators import build, parse
-from flexaxis.experiments.scoring.tracking_error import COSTS, TrueParameters, recovered, tracking
+from flexaxis.experiments.scoring.control_benefit import COSTS, TrueParameters, recovered, tracking
 from flexaxis.sim.simulate import simulate
 
 SHORT = {"duration": 9.0, "fault[0].at": 4.0, "burn_in": 1.0}

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.models.axes import PAPER
+from flexaxis.estimators.models.axis_models import PAPER
 from flexaxis.estimators.registry import REGISTRY
 
 Array = NDArray[np.float64]
