@@ -89,8 +89,8 @@ def check_model(scenario: Scenario) -> None:
         raise ScenarioError(
             f"{scenario.name}: estimators have no model {scenario.model} with the parameters "
             f"{', '.join(scenario.nominal)}. Estimates and bounds need a model with all parameters "
-            "of the plant. Add a model to estimators/models/axis_models.py (see docs/extending.md), "
-            "or use `flexaxis simulate`, which needs no model, to record the plant without estimates"
+            "of the plant. Add a model to estimators/models/axis_models.py (see docs/extending.md) "
+            "or use `flexaxis simulate`, which needs no model, to record only the plant"
         )
 
 
