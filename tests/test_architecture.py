@@ -19,7 +19,7 @@ ESTIMATORS_NEED = {"numpy", "scipy", "numba"}
 ESTIMATORS_MAY_USE = {"estimators/models/axis_models.py": {"pydantic"}}
 KNOW_MUJOCO = {
     "sim/plant/plant.py",
-    "sim/plant/friction.py",
+    "sim/plant/callback.py",
     "experiments/demo/view.py",
 }
 FILES = sorted(f for folder in MAY_IMPORT for f in (ROOT / folder).rglob("*.py"))

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from flexaxis.models_mjcf import DEFAULT, model_files
 from flexaxis.sim.errors import ParameterError, SimulationError
 from flexaxis.sim.parameters import AxisParameters, parameter_names, parameter_problem
-from flexaxis.sim.plant import friction
+from flexaxis.sim.plant import callback
 from flexaxis.sim.tables.friction import COMPILED_LAWS, FrictionConfig
 from flexaxis.sim.tables.nonlinear import Nonlinearity, Place
 
@@ -91,7 +91,7 @@ class Plant:
         self._names = parameter_names(model)
         self._called = any(isinstance(each, COMPILED_LAWS) for each in nonlinear)
         if self._called:
-            friction.install()
+            callback.install()
         made = _compile(model, period / substeps, nonlinear)
         self._batch = Batch(made, len(parameters), 1)
         self._substeps = substeps
@@ -168,7 +168,7 @@ class Plant:
             If the physics engine issues a warning, or if an angle or speed is not finite.
         """
         if self._called:
-            friction.install()  # the user may have replaced the callback
+            callback.install()  # the user may have replaced the callback
         self._torque[:] = torque
         with quiet():
             self._batch.step(nstep=self._substeps)

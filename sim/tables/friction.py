@@ -1,6 +1,6 @@
 r"""Define the motor friction laws; each class defines a table of a scenario.
 
-MuJoCo implements Coulomb and LuGre friction. A compiled callback (`sim/plant/friction.py`) computes
+MuJoCo implements Coulomb and LuGre friction. A compiled callback (`sim/plant/callback.py`) computes
 the other friction laws. The static method `torque` of a class defines a compiled friction law. To
 add a friction law, write a class in this module, add the class to `COMPILED_LAWS` and add a key to
 `Scenario`. The compiled friction laws use a smooth function such as :math:`\tanh(v/v_0)` instead of
