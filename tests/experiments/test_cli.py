@@ -95,7 +95,6 @@ MISTAKES = [
     (["run", "fm_step", "--shard", "3/2"], "--shard"),
     (["estimate", "ther.nc"], "Did you mean 'there.nc'?"),
     (["compare"], "--base E --candidate E"),
-    (["compare", "rpem-forgetting", "glr"], "--base E --candidate E"),
     (["compare", "--base", "frozn", "--candidate", "ekf"], "Did you mean 'frozen'?"),
     (["compare", "--base", "ekf", "--candidate", "ekf", "--margin", "lagg=2%"], "mean 'lag'"),
     (["list", "--group", "step"], "Did you mean 'steps'?"),
@@ -108,7 +107,6 @@ MISTAKES = [
     (["new", "sub/x.py"], "sub/x.py: cannot be written"),
     (["new", "my-estimator.py"], "letters, digits and underscores"),
     (["simulate", "fm_step", "--seed", "-1"], "seed -1: a seed must be an integer"),
-    (["simulate", "fm_step", "--gaps", "2"], "add --as-log"),
     (["simulate", "fm_step", "--as-log", "csv", "--units", "deg,furlong"], "furlong"),
 ]
 
