@@ -97,7 +97,6 @@ MISTAKES = [
     (["compare"], "--base E --candidate E"),
     (["compare", "--base", "frozn", "--candidate", "ekf"], "Did you mean 'frozen'?"),
     (["compare", "--base", "ekf", "--candidate", "ekf", "--margin", "lagg=2%"], "mean 'lag'"),
-    (["list", "--group", "step"], "Did you mean 'steps'?"),
     (
         ["study", "there.toml", "--seeds", "5"],
         "unknown argument '--seeds'. See flexaxis study --help",
