@@ -287,7 +287,7 @@ def test_a_sweep_is_a_table_a_sentence_and_a_figure(capsys, short_toml, monkeypa
         assert own[0]["lag"] > own[-1]["lag"] and own[0]["std"] < own[-1]["std"]
     assert "lag [s]" in Path(path.removeprefix("figure: ")).read_text(encoding="utf-8")
     status, _, err = flexaxis(capsys, "rerun", "results/tune")
-    assert status == 2 and "not of a study" in err
+    assert status == 2 and "give the folder of a run or a study" in err
 
 
 STUDY = """\
