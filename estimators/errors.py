@@ -10,7 +10,7 @@ class EstimatorError(ValueError):
 
 def did_you_mean(word: str, allowed: Iterable[str]) -> str:
     """
-    Return the end of an error message, which suggests the closest allowed word and lists them all.
+    Return the end of an error message: the closest allowed word and a list of all allowed words.
 
     Parameters
     ----------

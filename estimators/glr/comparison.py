@@ -42,7 +42,7 @@ Z95 = 1.96  # half width of a 95 % interval in standard deviations
 @dataclass
 class _Candidate:
     """
-    A candidate jump, in which one parameter jumps at one onset.
+    A candidate: a jump of one parameter at one onset.
 
     Attributes
     ----------

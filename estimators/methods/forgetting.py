@@ -1,7 +1,7 @@
 """
 The prediction-error method with a CUSUM reset of P or with a variable forgetting factor.
 
-The CUSUM rule resets P when the cumulative sum (CUSUM) of squared residuals indicates a change.
+The CUSUM (cumulative sum) rule resets P when a sum of squared residuals indicates a change.
 Each sample updates the cumulative sum by g ← max(0, g + 3/8 s − ln 2), where s = ε²/(R̂(1+ψᵀPψ)) is
 the normalised squared residual. The normalised squared residual s is limited to 16. The noise
 variance R̂ in the formula for s does not include the current sample. The increment of the

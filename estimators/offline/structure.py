@@ -1,11 +1,12 @@
 """
 Prior distributions of unknown parameters, with initial values, standard deviations and bounds.
 
-The dry friction, the backlash and the cogging of an axis are usually unknown, but the motion of the
-axis indicates their magnitudes. The priors express friction and cogging torques as fractions of the
-rms motor torque. The priors express the speeds at which friction changes as fractions of the rms
-speed, and the backlash of a gear as a fraction of the rms twist. A simulation with the linear model
-computes the rms values from a recorded torque, so the priors apply to any axis and any units.
+The dry friction, the backlash and the cogging of an axis are usually unknown, but the rms torque
+and motion indicate their typical magnitudes. The priors express friction and cogging torques as
+fractions of the rms motor torque. The priors express the speeds at which friction changes as
+fractions of the rms speed, and the backlash of a gear as a fraction of the rms twist. A simulation
+with the linear model computes the rms values from a recorded torque, so the priors apply to any
+axis and any units.
 """
 
 from collections.abc import Mapping, Sequence

@@ -154,14 +154,14 @@ def _frozen(scenario: Scenario, name: str) -> Scenario:
     frozen_hash, result = hashes().get(name), scenario.hash[:16]
     if frozen_hash is None:
         raise ScenarioError(
-            f"{name}: the scenario has no frozen hash. When the scenario is final, add the line "
-            f'"{name}" = "{result}" to {HOME / HASHES}. To use a scenario without a '
-            "frozen hash, give the path of its file"
+            f"{name}: the catalogue contains no hash of this scenario. When the file is final, add "
+            f'the line "{name}" = "{result}" to {HOME / HASHES}. To use a scenario without a '
+            "hash, give the path of its file"
         )
     if frozen_hash != result:
         raise ScenarioError(
-            f"{name}: the scenario content has the hash {result}, but its frozen hash is "
-            f"{frozen_hash}. "
+            f"{name}: the scenario content has the hash {result}, but the catalogue contains the "
+            f"hash {frozen_hash}. "
             "Use a new name for a changed scenario. If you have added a key to Scenario, set its "
             "default to None, which does not affect hashes."
         )

@@ -49,9 +49,9 @@ class Paired:
         (candidate − base)/``scale``. The value is NaN for runs in which either estimator diverged
         or lacks the score. The column ``scale`` is NaN if ratios are compared.
     lost : DataFrame
-        Table that marks lost runs, with one row per scenario and seed. The four columns, such as
-        ``"diverged base"``, are true for lost runs. A run that diverged for either estimator does
-        not count as a run that never settled.
+        Table that marks lost runs, with one row per scenario and seed. The four Boolean columns,
+        such as ``"diverged base"``, mark the lost runs. A run that diverged for either estimator
+        does not count as a run that never settled.
     gaps : sequence of Gap
         Missing results of the base or the candidate.
     estimated : mapping of side to set of str

@@ -51,7 +51,7 @@ class LogPage(NamedTuple):
     remarks : sequence of Finding
         Further findings.
     charts : sequence of Chart
-        Figures of the page.
+        Figures on the page.
     table : DataFrame or None
         Table of the page, if any.
     """

@@ -165,7 +165,7 @@ def unlike(fit: Fit, usual: float | None) -> str:
 
 
 def correlation(white: Array) -> float:
-    """Return the autocorrelation of a residual (N,) with the largest magnitude up to lag `LAGS`."""
+    """Return the autocorrelation of largest magnitude, up to lag `LAGS`, of a residual (N,)."""
     e = white - white.mean()
     past = [e[:-lag] @ e[lag:] / (e @ e) for lag in range(1, LAGS + 1)]
     return float(max(past, key=abs))

@@ -138,9 +138,9 @@ def text_of(make: str | Factory) -> str:
     name, module = getattr(make, "__name__", ""), getattr(make, "__module__", "__main__")
     if not name.isidentifier() or name in REGISTRY:
         raise EstimatorError(
-            f"{make!r}: give either the name of a registered estimator, such as 'glr', or a class "
-            "of your own with a new name. An instance of a class is not accepted, because each run "
-            "needs a new instance"
+            f"{make!r}: give either the name of a registered estimator, such as 'glr', or your own "
+            "class, with a name that is not yet registered. An instance of a class is not "
+            "accepted, because each run needs a new instance"
         )
     home = sys.modules.get(module)
     if module != "__main__" and getattr(home, name, None) is make and home.__spec__:  # type: ignore[union-attr]

@@ -52,7 +52,7 @@ class Score:
     kind : {"number", "integer", "truth", "text"}
         Type of the values in the column of the score.
     parts : mapping of str to str
-        Units of the parts, keyed by the name of the part, if the score consists of several numbers.
+        Unit of each number, keyed by its name, if the score consists of several numbers.
         Each part of the score has its own column.
     margin : float, optional
         Largest relative change in the score that `compare` considers negligible. By default,

@@ -74,7 +74,7 @@ def _find(structure: Any, value: int) -> int:
     raise SimulationError(
         f"friction laws do not work with MuJoCo {mujoco.__version__}, because the memory layout of "
         "this version is unknown; install mujoco 4.0",
-        run=0, time=0.0, reason="the memory layout of MuJoCo is unknown",
+        run=0, time=0.0, reason="unknown memory layout of this MuJoCo version",
     )  # fmt: skip
 
 

@@ -61,10 +61,10 @@ def find_events(
 
     An event combines all faults of one parameter that begin at the same sample. The value `before`
     of an event is the true parameter value at the sample before the onset. The value `after` is the
-    parameter value that results when all faults of the event are complete. For the value `after`,
-    every other change of the parameter keeps the factor that it has at the sample before the onset.
-    Therefore the ratio after/before is the factor of the fault, even if another change of the
-    parameter is in progress.
+    parameter value that results when all faults of the event are complete. The value `after`
+    ignores the further course of all other changes of the parameter: they keep their factors from
+    the sample before the onset. Therefore the ratio after/before is the factor of the fault, even
+    if another change of the parameter is in progress.
 
     Parameters
     ----------
