@@ -293,7 +293,7 @@ def lines(rows: pd.DataFrame, x: str, y: str, kind: Any = "both") -> list[Series
         ends = pd.Series(own.get(f"{y}_interval"), own.index, dtype=object).str
         low, high = ends[0].astype(float), ends[1].astype(float)
         series.append(Series(x=own[x], y=own[y], low=low, high=high, estimator=str(who), kind=kind))
-    if y == "lag" and kind == "both":
+    if y == "lag" and kind == "both" and rows["lag_bound"].notna().any():
         bound = rows["lag_bound"].astype(float).groupby(rows[x]).median()
         series.append(Series(x=bound.index, y=bound, role="bound"))
     return series

@@ -78,7 +78,9 @@ def title(results: Results) -> str:
     axes = numeric_axes(results)[:1]
     rows = _changed(results, axes).dropna(subset="score")
     if rows.empty:
-        return f"{results.study['name']}: no estimated parameter changes"
+        return (
+            f"{results.study['name']}: no score, because no estimated parameter changes in a step"
+        )
     scores = rows.groupby("estimator")["score"].agg(["mean", tables.between])
     order = scores.sort_values("mean", ascending=False)["between"]
     over = " over the ".join(["the highest score", *map(axis_words, axes)])

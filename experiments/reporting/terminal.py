@@ -21,7 +21,7 @@ LEGEND = (
     "★ marks the fastest estimator, and all estimators that are not significantly slower",
     "Below each lag are the ratio of lag to bound (×) and the 95 % confidence interval of the lag",
     "The lag is the mean absolute error after the fault, divided by the size of the fault, times "
-    "5 s (an estimator that never reacts has a lag of 5 s)",
+    "5 s (after a step, an estimator that never reacts has a lag of 5 s)",
     "The bound is the Cramér–Rao bound for an estimator that knows the time of the fault, but not "
     "the changed parameter",
     "≤ and ≥ mark upper and lower limits of the lag of estimators that cannot be tuned to the "
