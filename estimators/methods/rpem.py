@@ -17,6 +17,7 @@ from flexaxis.estimators.filters.filter import CompiledFilter
 from flexaxis.estimators.filters.prediction_error import (
     CALM,
     CEILING,
+    GRANTED,
     ROBUST,
     read_claim,
     recursion,
@@ -204,7 +205,7 @@ class Rpem(CompiledFilter):
         squares = np.outer(self._design.scale, self._design.scale)
         given = covariance_matrix("P", value, len(squares)) / squares
         self.state["P"] = self.state["claim"] = given
-        self.state["granted"] = np.diag(given)
+        self.state["granted"] = np.maximum(np.diag(given), GRANTED * self.state["prior"])
 
     def restart(self, P: ArrayLike) -> None:
         """

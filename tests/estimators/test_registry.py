@@ -51,6 +51,14 @@ def test_initial_P_is_given_or_measured_or_known(nominal, loop):
     assert make(nominal, 0.005, identify=("k_a",), torque=loop.u[:4000]).P[0, 0] > 0
 
 
+def test_a_smaller_P_leaves_its_limits_as_they_are(nominal):
+    """With λ lowered while it runs, the demo took twice as long to track the next fault."""
+    made = registry.REGISTRY["rpem-forgetting"].factory(nominal, 0.005)
+    limits = list(made.state["granted"])
+    made.P = made.P / 100
+    assert list(made.state["granted"]) == limits
+
+
 def test_the_paper_s_drift_is_that_of_its_axis_at_any_start(nominal):
     """Eq. (32) to the last bit; in other units or at another period the same relative to θ."""
     names = ("f_m", "1/J_a", "k_T")
