@@ -22,7 +22,7 @@ from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.offline.prediction_error import ROUNDS
 from flexaxis.estimators.offline.structure import matrices
 from flexaxis.experiments.logs.axis_file import Axis
-from flexaxis.experiments.logs.changes import Explained, clause, explain
+from flexaxis.experiments.logs.changes import FEWEST, Explained, clause, explain
 from flexaxis.experiments.logs.findings import Finding, LogError, texts_of
 from flexaxis.experiments.logs.fit import Fit, Setup
 from flexaxis.experiments.logs.importing import import_log
@@ -324,7 +324,7 @@ def identify_many(
                 parts = [found.loc["value"], found.loc["sd"].add_suffix("_sd")]
                 if covariates:
                     columns = open_log(path, tables.get("header")).read(covariates)
-                    parts.append(pd.DataFrame(columns).mean())
+                    parts += [pd.DataFrame(columns).mean()]
                 rows[path.name] = pd.concat(parts)
             except FlexaxisError as error:
                 findings.append(Finding("problem", f"{path.name} is left out: {error}"))
@@ -346,12 +346,13 @@ def _sentence(name: str, one: Explained, table: pd.DataFrame, covariates: Sequen
     """Return the finding on the change of one parameter between the logs."""
     level, ends = abs(one.level), table.index[[one.begin, one.end]]
     changed = one.kind != "constant" and abs(one.size) > SMALLEST
-    text = f"{name} = {one.level:.4g}, no change"
+    few = len(table) < FEWEST
+    text = f"{name} = {one.level:.4g}, {'too few logs to detect a change' if few else 'no change'}"
     if changed:
         text = clause(name, one, one.size, *ends)
         text += f" (probability that noise alone causes this change: {one.chance:.1g})"
     for column, slope, sd in zip(covariates, one.slopes, one.slope_deviations, strict=True):
-        if abs(slope) > max(SURE * sd, SMALLEST * level / float(np.ptp(table[column]))):
+        if abs(slope) > max(SURE * sd, SMALLEST * level / np.ptp(table[column])):
             size = f"{100 * slope / level:+.2g} ± {100 * sd / level:.1g} %"
             text += f"; covariate effect: {size} per unit of {column}"
-    return Finding("note" if changed else "ok", text)
+    return Finding("note" if changed or few else "ok", text)

@@ -59,7 +59,7 @@ ENDING = re.compile(
 
 WORDS = {
     "time": "time zeit temps",
-    "torque": "torque drehmoment moment couple motorstrom strom courant",
+    "torque": "torque drehmoment motormoment moment couple motorstrom strom courant",
     "angle": "angle position motorwinkel winkel",
     "speed": "speed velocity drehzahl geschwindigkeit vitesse",
 }
