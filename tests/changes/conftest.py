@@ -141,9 +141,11 @@ def together(tmp_path_factory):
         yield flexaxis
 
 
-@pytest.fixture(params=["together", pytest.param("alone", marks=pytest.mark.slow)])
+@pytest.fixture(
+    params=[pytest.param(name, marks=pytest.mark.slow) for name in ("together", "alone")]
+)
 def flexaxis(request, tmp_path):
-    """The command line with all changes, and (slow) with only the change named by the test."""
+    """The command line with all changes, and with only the change named by the test."""
     name = request.node.originalname.removeprefix("test_")
     if request.param == "together" and name != "law":
         yield request.getfixturevalue("together")

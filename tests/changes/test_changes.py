@@ -80,7 +80,6 @@ def test_sensor(flexaxis):
     assert error.mean() == pytest.approx(5.0, abs=4 * 0.1 / np.sqrt(error.size))  # 4 σ
 
 
-@pytest.mark.slow
 def test_signal(flexaxis):
     """An estimator that reads the speed without noise tracks the fault."""
     table = f'output = "true_speed"\n{STEP}'
@@ -131,7 +130,6 @@ def test_estimator(flexaxis):
     flexaxis("check", "constant-trace")
 
 
-@pytest.mark.slow
 def test_linear_model(flexaxis):
     """`identify` recovers the parameters from a log that is computed with the exact response."""
     J_m, f_m, k, T = 2e-3, 0.02, 0.3, 0.005
@@ -150,7 +148,6 @@ def test_linear_model(flexaxis):
         assert found[name]["sd"] < 0.01 * value
 
 
-@pytest.mark.slow
 def test_law(flexaxis):
     """`track` finds the level of Dahl friction in a log that is integrated in small steps."""
     J_m, f_m, f_c, stiffness, T, parts = 2e-3, 0.02, 0.1, 20.0, 0.005, 50
