@@ -83,9 +83,8 @@ def judged(search: Search, best: Fit, chosen: Fit, fit: float, record: Record) -
         ("problem" if log.smooth else "note",
          free and lag < -HALF * log.smooth * period - EARLY * sd,
          f"the torque acts {-lag / period:.2f} samples before it is logged, which is impossible. "
-         "The torque column is late or filtered. The estimates are valid for a torque column that "
-         "is shifted by this time. Shift the column by whole samples, or log the torque before its "
-         "filter"),
+         "The torque column is late or filtered. The estimates are valid for a shifted column. "
+         "Shift it by whole samples, or log the torque before its filter"),
         ("problem",
          free and log.output == "speed" and best.lacks and lag > FILTERED * period,
          f"the speed is low-pass filtered with a lag of about {1e3 * lag:.1g} ms, or has another "
@@ -101,8 +100,7 @@ def judged(search: Search, best: Fit, chosen: Fit, fit: float, record: Record) -
          "tested effects (simulation error of held-out pieces [rad/s] without → with the effect): "
          f"{compared}"),
         ("info", len(log.y) < len(record.time),
-         f"the fit uses only the part of the log with the greatest torque: {len(log.y)} of "
-         f"{len(record.time)} samples"),
+         f"the fit uses {len(log.y)} of {len(record.time)} samples: those with the largest torque"),
     ]  # fmt: skip
     return [Finding(kind, text) for kind, holds, text in rows if holds]
 
