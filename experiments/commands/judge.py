@@ -25,7 +25,7 @@ def compare(args: Args) -> int:
 
     exit status: 0 no regression; 1 worse; 2 wrong use; 3 undecided; 70 a crash. Without --strict,
     the status of an undecided verdict is 0, unless the candidate has missing runs, more failed runs
-    than the base, or at least two more diverged runs than the base.
+    than the base, or at least two more runs that diverge or never settle.
 
     example:
       flexaxis compare --base old.py:Mine --candidate new.py:Mine

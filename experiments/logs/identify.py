@@ -250,7 +250,7 @@ class Many:
     @property
     def status(self) -> int:
         """Exit status: 1 if a parameter changed or a log could not be used, else 0."""
-        return int(any(one.kind != "ok" for one in self.findings))
+        return int(any(one.kind in {"note", "problem"} for one in self.findings))
 
 
 def find_logs(folder: Path) -> list[Path]:
@@ -344,15 +344,15 @@ def identify_many(
 
 def _sentence(name: str, one: Explained, table: pd.DataFrame, covariates: Sequence[str]) -> Finding:
     """Return the finding on the change of one parameter between the logs."""
-    level, ends = abs(one.level), table.index[[one.begin, one.end]]
+    level = abs(one.level)
     changed = one.kind != "constant" and abs(one.size) > SMALLEST
     few = len(table) < FEWEST
     text = f"{name} = {one.level:.4g}, {'too few logs to detect a change' if few else 'no change'}"
     if changed:
-        text = clause(name, one, one.size, *ends)
+        text = clause(name, one, one.size, *table.index[[one.begin, one.end]])
         text += f" (probability that noise alone causes this change: {one.chance:.1g})"
     for column, slope, sd in zip(covariates, one.slopes, one.slope_deviations, strict=True):
         if abs(slope) > max(SURE * sd, SMALLEST * level / np.ptp(table[column])):
             size = f"{100 * slope / level:+.2g} ± {100 * sd / level:.1g} %"
             text += f"; covariate effect: {size} per unit of {column}"
-    return Finding("note" if changed or few else "ok", text)
+    return Finding("note" if changed else "info" if few else "ok", text)
