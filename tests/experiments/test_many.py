@@ -65,7 +65,5 @@ def test_a_log_that_cannot_be_read_is_left_out_and_named(days, tmp_path):
     result = fx.identify(tmp_path, days / "axis.toml", free=["J_m"])
     assert result.status == 1 and len(result.table) == 2
     assert "log_3.csv is left out" in repr(result)
-    assert (
-        result.result.findings[0].kind == "info"
-    )  # too few logs for a change: no reason for status 1
+    assert result.result.findings[0].kind == "info"  # too few logs; the status stays as it is
     assert result.table["J_m"].to_numpy() == pytest.approx(J, rel=0.01)
